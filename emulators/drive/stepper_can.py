@@ -16,8 +16,8 @@ from emulators.drive.emulated_drive import EmulatedDrive
 from emulators.drive.machine import LinearAxisConfig
 from emulators.drive.profidrive.canopen import objects
 from emulators.drive.profidrive.canopen.eds import EDS
-from emulators.drive.profidrive.canopen.process_words import ProcessWords
 from emulators.drive.stepper import COLUMNS, StepperDrive, StepperDriveConfig
+from emulators.process_words import ProcessWords
 from emulators.trace import NMT_STATE, names_and_units, value_texts
 from fieldbus.can.frame import CanSegment
 from fieldbus.canopen.nmt import NmtState

@@ -144,10 +144,12 @@ class ProfileAxis:
         units = self.units
         units.update(values)
         options = self.options
-        for name, (index, allowed, default) in OPTION_CODES.items():
-            value = values[index << 8]
-            # An EDS may bring values of its manufacturer.
-            setattr(options, name, value if value in allowed else default)
+        options.abort_connection = self._option("abort_connection")
+        options.quick_stop = self._option("quick_stop")
+        options.shutdown = self._option("shutdown")
+        options.disable_operation = self._option("disable_operation")
+        options.halt = self._option("halt")
+        options.fault_reaction = self._option("fault_reaction")
         torque = min(values[0x607200], values[0x607300])
         positive = min(torque, values[0x60E000]) * units.torque
         negative = min(torque, values[0x60E100]) * units.torque
@@ -174,6 +176,12 @@ class ProfileAxis:
         low, high, offset = values[0x607D01], values[0x607D02], values[0x607C00]
         off = (low, high) == RANGE_OFF or low > high
         self.software_limits = None if off else (low - offset, high - offset)
+
+    def _option(self, name: str) -> int:
+        """Return an option code; values of the manufacturer that an EDS brings count as the default."""
+        index, allowed, default = OPTION_CODES[name]
+        value: int = self.values[index << 8]
+        return value if value in allowed else default
 
     # -- positions -------------------------------------------------------------------------------------
 

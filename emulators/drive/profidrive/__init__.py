@@ -11,11 +11,10 @@ from emulators.drive.profidrive.config import AXIS_TELEGRAMS, DriveSettings, Pro
 from emulators.drive.profidrive.drive import ProfidriveDrive
 from emulators.drive.profidrive.faults.buffer import FaultBuffer, FaultMessage
 from emulators.drive.profidrive.faults.catalogue import CATALOGUE, DriveWarning, Fault
-from emulators.drive.profidrive.parameters.channel import ChannelError, ParameterChannel
+from emulators.drive.profidrive.parameters.access import ChannelError, ParameterChannel, ParameterRecord
 from emulators.drive.profidrive.parameters.definitions import ParameterDefinition, WriteRule, load_definitions
 from emulators.drive.profidrive.parameters.drive_parameters import DriveParameters
 from emulators.drive.profidrive.parameters.profile import Identification, ParameterMemory
-from emulators.drive.profidrive.parameters.record import ParameterRecord
 from emulators.drive.profidrive.parameters.server import ParameterServer
 from emulators.drive.profidrive.parameters.store import ParameterStore
 from emulators.drive.profidrive.statemachine import Action, AxisState, GeneralStateMachine, Off

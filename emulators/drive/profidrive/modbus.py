@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from emulators.drive.profidrive.bus_drive import DriveOnBus
 from emulators.drive.profidrive.config import ProfidriveConfig
-from emulators.drive.profidrive.parameters.channel import ChannelError, ParameterChannel
+from emulators.drive.profidrive.parameters.access import ChannelError, ParameterChannel
 from fieldbus.clock import MS, Scheduler, seconds_to_ns
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from fieldbus.history import History

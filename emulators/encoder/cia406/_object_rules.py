@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
+from emulators.encoder.cia406._channel import Channel
 from emulators.encoder.cia406._measurement import Measurement
 from emulators.encoder.cia406._objects import CAMS
 from emulators.encoder.cia406.config import EncoderDeviceConfig
@@ -23,7 +24,7 @@ _HIGHEST_PRESET: Final = 1 << 62
 
 def readers(
     values: dict[int, Any], device: Measurement, operating_time_tenths: Callable[[], int]
-) -> dict[int, Callable[[], Any]]:
+) -> dict[int, Callable[[], int | str]]:
     """Return what is read live, by key.
 
     Args:
@@ -35,12 +36,10 @@ def readers(
     first = device.channels[0]
     scaling = device.scaling
 
-    def sampled(channel: int, name: str) -> Callable[[], int]:
-        owner = device.channels[channel]
-
+    def sampled(get: Callable[[], int]) -> Callable[[], int]:
         def read() -> int:
             device.sample()
-            return int(getattr(owner, name))
+            return get()
 
         return read
 
@@ -51,11 +50,11 @@ def readers(
 
         return read
 
-    found: dict[int, Callable[[], Any]] = {
+    found: dict[int, Callable[[], int | str]] = {
         0x600200: settings(0x600200),
-        0x600400: sampled(0, "position"),
-        0x600800: sampled(0, "unfolded"),
-        0x600C00: sampled(0, "raw"),
+        0x600400: sampled(lambda: first.position),
+        0x600800: sampled(lambda: first.unfolded),
+        0x600C00: sampled(lambda: first.raw),
         0x620000: lambda: values.get(EVENT_TIMER, 0),
         0x650000: lambda: values[0x600000],
         0x650800: operating_time_tenths,
@@ -63,14 +62,34 @@ def readers(
         0x650A03: lambda: scaling.raw_range - 1,
     }
     for number, channel in enumerate(device.channels, 1):
-        found[0x602000 | number] = sampled(number - 1, "position")
-        found[0x603000 | number] = partial(getattr, channel, "speed")
-        found[0x604000 | number] = partial(getattr, channel, "acceleration")
-        found[0x605000 | number] = partial(getattr, channel, "jerk")
-        found[0x650C00 | number] = settings_of(device, partial(getattr, channel, "offset"))
+        found[0x602000 | number] = sampled(partial(_position, channel))
+        found[0x603000 | number] = partial(_speed, channel)
+        found[0x604000 | number] = partial(_acceleration, channel)
+        found[0x605000 | number] = partial(_jerk, channel)
+        found[0x650C00 | number] = settings_of(device, partial(_offset, channel))
         for index in (0x6300, 0x6400):
             found[index << 8 | number] = _state(values, device, index << 8 | number)
     return found
+
+
+def _position(channel: Channel) -> int:
+    return channel.position
+
+
+def _speed(channel: Channel) -> int:
+    return channel.speed
+
+
+def _acceleration(channel: Channel) -> int:
+    return channel.acceleration
+
+
+def _jerk(channel: Channel) -> int:
+    return channel.jerk
+
+
+def _offset(channel: Channel) -> int:
+    return channel.offset
 
 
 def _state(values: dict[int, Any], device: Measurement, key: int) -> Callable[[], int]:
@@ -91,8 +110,8 @@ def settings_of(device: Measurement, read: Callable[[], int]) -> Callable[[], in
     return take_and_read
 
 
-def _within(low: int, high: int) -> Callable[[Any], None]:
-    def check(value: Any) -> None:
+def _within(low: int, high: int) -> Callable[[int], None]:
+    def check(value: int) -> None:
         if value > high:
             raise SdoAbort(AbortCode.VALUE_HIGH)
         if value < low:
@@ -103,7 +122,7 @@ def _within(low: int, high: int) -> Callable[[Any], None]:
 
 def checks(
     store: ObjectStore, device: Measurement, config: EncoderDeviceConfig
-) -> dict[int, Callable[[Any], object]]:
+) -> dict[int, Callable[[int], object]]:
     """Return what checks and takes written values, by key.
 
     Args:
@@ -117,42 +136,42 @@ def checks(
 
 def _position_checks(
     values: dict[int, Any], device: Measurement, config: EncoderDeviceConfig
-) -> dict[int, Callable[[Any], object]]:
+) -> dict[int, Callable[[int], object]]:
     linear = config.kind.linear
 
-    def changes(key: int, check: Callable[[Any], None]) -> Callable[[Any], None]:
+    def changes(key: int, check: Callable[[int], None]) -> Callable[[int], None]:
         """Refuse what is not allowed; another value makes the offset invalid (C406-007)."""
 
-        def write(value: Any) -> None:
+        def write(value: int) -> None:
             check(value)
             if value != values[key]:
                 device.invalidate()
 
         return write
 
-    def operating_parameters(value: Any) -> None:
+    def operating_parameters(value: int) -> None:
         direction = OperatingParameter.MEASURING_DIRECTION if linear else OperatingParameter.CODE_SEQUENCE
         known = direction | OperatingParameter.SCALING | OperatingParameter.COMMISSIONING_DIAGNOSTICS
         if value & ~int(known):
             raise SdoAbort(AbortCode.VALUE)
 
-    def total_range(value: Any) -> None:
+    def total_range(value: int) -> None:
         device.take_parameters()
         _within(1, device.scaling.largest_total(values))(value)
 
-    def preset(channel: int) -> Callable[[Any], None]:
-        def write(value: Any) -> None:
+    def preset(channel: int) -> Callable[[int], None]:
+        def write(value: int) -> None:
             device.take_parameters()
             _within(0, device.scaling.total - 1)(value)
             device.preset(value, channel=channel)
 
         return write
 
-    def wide_preset(value: Any) -> None:
+    def wide_preset(value: int) -> None:
         _within(-_HIGHEST_PRESET, _HIGHEST_PRESET)(value)
         device.preset(value)
 
-    found: dict[int, Callable[[Any], object]] = {
+    found: dict[int, Callable[[int], object]] = {
         0x600000: changes(0x600000, operating_parameters),
         0x600200: changes(0x600200, total_range),
         0x600300: preset(0),
@@ -169,37 +188,37 @@ def _position_checks(
     return found
 
 
-def _limit_checks(store: ObjectStore, device: Measurement) -> dict[int, Callable[[Any], object]]:
+def _limit_checks(store: ObjectStore, device: Measurement) -> dict[int, Callable[[int], object]]:
     values = store.values
 
-    def event_timer(value: Any) -> None:
+    def event_timer(value: int) -> None:
         values[0x620000] = value
 
-    def cyclic_timer(value: Any) -> None:
+    def cyclic_timer(value: int) -> None:
         entry = store.entries.get(EVENT_TIMER)
         if entry is not None:
             store.assign(entry, value)
 
-    def lower(key: int) -> Callable[[Any], None]:
-        def check(value: Any) -> None:
+    def lower(key: int) -> Callable[[int], None]:
+        def check(value: int) -> None:
             if value > values[key + 0x100]:
                 raise SdoAbort(AbortCode.MAXIMUM_BELOW_MINIMUM)
             device.forget_sample()
 
         return check
 
-    def upper(key: int) -> Callable[[Any], None]:
-        def check(value: Any) -> None:
+    def upper(key: int) -> Callable[[int], None]:
+        def check(value: int) -> None:
             if value < values[key - 0x100]:
                 raise SdoAbort(AbortCode.MAXIMUM_BELOW_MINIMUM)
             device.forget_sample()
 
         return check
 
-    def again(_value: Any) -> None:
+    def again(_value: int) -> None:
         device.forget_sample()
 
-    found: dict[int, Callable[[Any], object]] = {
+    found: dict[int, Callable[[int], object]] = {
         EVENT_TIMER: event_timer,
         0x620000: cyclic_timer,
         0x603101: _within(0, 1),

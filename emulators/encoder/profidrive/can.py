@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from emulators.canopen_node import CanopenNode
-from emulators.drive.profidrive.canopen.process_words import ProcessWords
 from emulators.encoder._mounting import Mounting
 from emulators.encoder._own_shaft import OwnShaft
 from emulators.encoder.profidrive import _objects as objects
@@ -19,9 +18,9 @@ from emulators.encoder.profidrive._abilities import EncoderState
 from emulators.encoder.profidrive.device import ProfidriveEncoder, ProfidriveEncoderConfig
 from emulators.encoder.profidrive.eds import EDS
 from emulators.encoder.profidrive.sensor import ProfidriveSensor
+from emulators.process_words import ProcessWords, SyncCycle
 from emulators.trace import LOAD, NMT_STATE, Column, names_and_units, value_texts
 from fieldbus.can.frame import CanSegment
-from fieldbus.canopen.nmt import NmtState
 from fieldbus.clock import MS, Scheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
 
     from emulators.mechanics import DrivenShaft
 
-_FREE_RUNNING_PRIORITY: Final = 2
 _NOT_VALID_PDO: Final = 1 << 31
 EMCY: Final = 0x7300
 """EMCY of an encoder error: fault of a sensor; the code of Gx_XIST2 is in its data."""
@@ -114,7 +112,6 @@ class ProfidriveCanEncoder(ProfidriveSensor):
         "_code",
         "_history",
         "_mounting",
-        "_sync_ns",
         "_words",
         "config",
         "device",
@@ -160,15 +157,17 @@ class ProfidriveCanEncoder(ProfidriveSensor):
         self.slave = slave = self.node.slave
         self._set_defaults()
         self._words = ProcessWords(slave, telegram(config.encoder.telegram))
-        self._sync_ns = 0
         self._code = 0
         self.trace_columns = names_and_units(_COLUMNS, "m" if config.encoder.form.linear else "rad")
         """(name, unit) of the values of `trace_row`."""
-        slave.on_sync.append(self._on_sync)
-        slave.on_nmt_state.append(self._on_nmt_state)
         slave.on_reset.append(self._on_reset)
-        if not config.encoder.isochronous:
-            scheduler.every(config.cycle_ns, self._free_running, priority=_FREE_RUNNING_PRIORITY)
+        SyncCycle(
+            scheduler,
+            slave,
+            self._words,
+            self._cycle,
+            free_running_ns=None if config.encoder.isochronous else config.cycle_ns,
+        )
 
     def _set_defaults(self) -> None:
         """Enter what depends on the telegram: its number, formats, and PDOs with no more words than it
@@ -226,21 +225,7 @@ class ProfidriveCanEncoder(ProfidriveSensor):
             self._code = 0
         self._give()
 
-    def _on_nmt_state(self, _old: NmtState, new: NmtState) -> None:
-        if new is NmtState.OPERATIONAL:
-            self._words.begin()
-
     # -- bus cycle -------------------------------------------------------------------------------------
-
-    def _on_sync(self, time_ns: int) -> None:
-        self._sync_ns = time_ns
-        if self.slave.nmt_state is NmtState.OPERATIONAL:
-            self._cycle()
-
-    def _free_running(self) -> None:
-        late = self.scheduler.now - self._sync_ns > 2 * self.config.cycle_ns
-        if late and self.slave.nmt_state is NmtState.OPERATIONAL:
-            self._cycle()
 
     def _cycle(self) -> None:
         device = self.device

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from emulators.drive.profidrive.canopen.sdo_parameters import ParameterWindow, abort_code
-from emulators.drive.profidrive.parameters.channel import ChannelError, ParameterChannel
+from emulators.drive.profidrive.parameters.access import ChannelError, ParameterChannel
 from emulators.drive.profidrive.parameters.server import ParameterServer
 from emulators.drive.profidrive.parameters.store import ParameterStore
 from fieldbus.clock import MS

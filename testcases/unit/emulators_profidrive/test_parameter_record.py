@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from emulators.drive.profidrive import DriveParameters
-from emulators.drive.profidrive.parameters.record import ParameterRecord
+from emulators.drive.profidrive.parameters.access import ParameterRecord
 from fieldbus.clock import MS
 from fieldbus.profidrive.record_errors import RecordError, RecordRefusedError
 from testcases.unit.emulators_profidrive.profidrive_rig import Rig

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emulators.drive.profidrive.parameters.channel import ParameterChannel
+from emulators.drive.profidrive.parameters.access import ParameterChannel
 from emulators.drive.profidrive.parameters.server import ParameterServer
 from emulators.drive.profidrive.parameters.store import ParameterStore
 from fieldbus.clock import MS, S, VirtualScheduler

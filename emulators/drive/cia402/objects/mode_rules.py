@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from fractions import Fraction
-from typing import Any, Final
+from typing import Final
 
 from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.function import DriveFunction
@@ -39,10 +39,12 @@ _RELATIVE: Final = 0x40
 _U16: Final = 0xFFFF
 _U32: Final = 0xFFFFFFFF
 
-Checks = dict[int, Callable[[Any], object]]
+Checks = dict[int, Callable[[int], object]]
 
 
-def mode_readers(axis: ProfileAxis, interpolation: InterpolatedPosition) -> dict[int, Callable[[], Any]]:
+def mode_readers(
+    axis: ProfileAxis, interpolation: InterpolatedPosition
+) -> dict[int, Callable[[], int | str]]:
     """Return what 6043h, 6044h, 6053h to 6055h and 60C4h:4 show."""
     core = axis.core
     return {
@@ -90,8 +92,8 @@ def _velocity_mode(axis: ProfileAxis) -> Checks:
     values = axis.values
     checks: Checks = {}
 
-    def amount(sub: int) -> Callable[[Any], None]:
-        def set_both(value: Any) -> None:
+    def amount(sub: int) -> Callable[[int], None]:
+        def set_both(value: int) -> None:
             # 6046h is 6047h for both directions at once.
             values[0x604700 | sub] = values[0x604700 | sub + 2] = value
 
@@ -100,16 +102,16 @@ def _velocity_mode(axis: ProfileAxis) -> Checks:
     for sub in (1, 2):
         checks[0x604600 | sub] = amount(sub)
 
-    def ramp(index: int, sub: int) -> Callable[[Any], None]:
-        def set_time(value: Any) -> None:
+    def ramp(index: int, sub: int) -> Callable[[int], None]:
+        def set_time(value: int) -> None:
             speed = value if sub == 1 else values[index << 8 | 1]
             time = value if sub == 2 else values[index << 8 | 2]
             values[_RAMP_TIMES[index] << 8] = _time_ms(speed, time, values[0x604E00])
 
         return set_time
 
-    def ramp_time(index: int) -> Callable[[Any], None]:
-        def set_ramp(value: Any) -> None:
+    def ramp_time(index: int) -> Callable[[int], None]:
+        def set_ramp(value: int) -> None:
             speed, time = _ramp(value, values[0x604E00])
             values[index << 8 | 1] = speed
             values[index << 8 | 2] = time
@@ -121,7 +123,7 @@ def _velocity_mode(axis: ProfileAxis) -> Checks:
         checks[index << 8 | 2] = ramp(index, 2)
         checks[other << 8] = ramp_time(index)
 
-    def reference(value: Any) -> None:
+    def reference(value: int) -> None:
         if not value:
             raise SdoAbort(AbortCode.VALUE)
         # The ramps stay as they are; what they take to the new reference changes.
@@ -131,16 +133,16 @@ def _velocity_mode(axis: ProfileAxis) -> Checks:
 
     checks[0x604E00] = reference
 
-    def target(value: Any) -> None:
+    def target(value: int) -> None:
         values[0x605200] = _saturated(value * vl_scale(axis) * FULL / (values[0x604E00] or 1))
 
-    def nominal(value: Any) -> None:
+    def nominal(value: int) -> None:
         values[0x604200] = _saturated(value * values[0x604E00] / FULL / vl_scale(axis))
 
     checks[0x604200] = target
     checks[0x605200] = nominal
 
-    def not_zero(value: Any) -> None:
+    def not_zero(value: int) -> None:
         if not value:
             raise SdoAbort(AbortCode.VALUE)
 
@@ -148,7 +150,7 @@ def _velocity_mode(axis: ProfileAxis) -> Checks:
         for sub in (1, 2):
             checks[index << 8 | sub] = not_zero
 
-    def poles(value: Any) -> None:
+    def poles(value: int) -> None:
         if not value or value % 2:
             raise SdoAbort(AbortCode.VALUE)
 
@@ -184,32 +186,32 @@ def _interpolation(function: DriveFunction, warnings: Warnings) -> Checks:
     values = function.axis.values
     buffer = function.interpolation.buffer
 
-    def record(value: Any) -> None:
+    def record(value: int) -> None:
         taken = buffer.put(value)
         warnings.warn(DriveWarning.SETPOINT_REFUSED, not taken)
         if not taken:
             raise SdoAbort(AbortCode.DEVICE_STATE)
 
-    def size(value: Any) -> None:
+    def size(value: int) -> None:
         if not 1 <= value <= values[0x60C401]:
             raise SdoAbort(AbortCode.VALUE)
         buffer.configure(size=value, organisation=buffer.organisation, enabled=buffer.enabled)
 
-    def organisation(value: Any) -> None:
+    def organisation(value: int) -> None:
         if value not in (0, 1):
             raise SdoAbort(AbortCode.VALUE)
         buffer.configure(size=buffer.size, organisation=value, enabled=buffer.enabled)
 
-    def place(value: Any) -> None:
+    def place(value: int) -> None:
         if value >= buffer.size or (value != buffer.write and not buffer.organisation):
             raise SdoAbort(AbortCode.VALUE)
         buffer.go_to(value)
 
-    def record_size(value: Any) -> None:
+    def record_size(value: int) -> None:
         if value != 1:
             raise SdoAbort(AbortCode.VALUE)
 
-    def access(value: Any) -> None:
+    def access(value: int) -> None:
         if value not in (0, 1):
             raise SdoAbort(AbortCode.VALUE)
         buffer.configure(size=buffer.size, organisation=buffer.organisation, enabled=value == 1)
@@ -232,12 +234,12 @@ def _positions(function: DriveFunction, warnings: Warnings, parameters: Paramete
     axis = function.axis
     values = axis.values
 
-    def target(value: Any) -> None:
+    def target(value: int) -> None:
         axis.fresh = axis.primed = True
         if axis.units.turn:
             within_range(value)
 
-    def within_range(value: Any) -> None:
+    def within_range(value: int) -> None:
         """Refuse a target outside of 607Bh; a way of pp may be longer (C402-164)."""
         outside = not values[0x607B01] <= value <= values[0x607B02]
         if outside and axis.control_word & _RELATIVE and function.mode.number == 1:
@@ -246,8 +248,8 @@ def _positions(function: DriveFunction, warnings: Warnings, parameters: Paramete
         if outside:
             raise SdoAbort(AbortCode.VALUE)
 
-    def range_limit(sub: int) -> Callable[[Any], None]:
-        def check(value: Any) -> None:
+    def range_limit(sub: int) -> Callable[[int], None]:
+        def check(value: int) -> None:
             if value != values[0x607B00 | sub] and axis.core.enabled:
                 raise SdoAbort(AbortCode.DEVICE_STATE)
             low, high = (value, values[0x607B02]) if sub == 1 else (values[0x607B01], value)
@@ -258,7 +260,7 @@ def _positions(function: DriveFunction, warnings: Warnings, parameters: Paramete
 
         return check
 
-    def positioning(value: Any) -> None:
+    def positioning(value: int) -> None:
         # Bits 1..0 origin of relative targets, bits 7..6 direction on a rotary axis; the rest is reserved.
         if value & ~0xC3 or value & 3 == 3:
             raise SdoAbort(AbortCode.VALUE)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 from emulators.drive.cia402.config import DriveConfig
 from emulators.drive.cia402.faults.log import CAPACITY, FaultLog
@@ -61,11 +60,11 @@ def protection_objects() -> tuple[ObjectRow, ...]:
 
 def protection_readers(
     config: DriveConfig, protection: Protection, safety: SafetyFunctions, log: FaultLog
-) -> dict[int, Callable[[], Any]]:
+) -> dict[int, Callable[[], int | str]]:
     """Return what is read live, by key."""
     link = protection.dc_link
     rated = config.rated_torque_Nm
-    readers: dict[int, Callable[[], Any]] = {
+    readers: dict[int, Callable[[], int | str]] = {
         0x210101: lambda: round(protection.motor.temperature_C * 10.0),
         0x210102: lambda: round(protection.stage.temperature_C * 10.0),
         0x210201: lambda: _permille(protection.motor_overload.utilisation),
@@ -84,7 +83,7 @@ def protection_readers(
     return readers
 
 
-def clear_history(log: FaultLog, value: Any) -> None:
+def clear_history(log: FaultLog, value: int) -> None:
     """Take 2107h: 1 clears the fault history.
 
     Raises:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Container, Iterable
-from typing import Any, Final
+from typing import Final
 
 from emulators.drive.cia402.axis import OPTION_CODES, ProfileAxis, interpolation_period_s
 from emulators.drive.cia402.objects.mode_rules import ALLOWED
@@ -54,7 +54,7 @@ def adapt_entries(store: ObjectStore) -> None:
             entry.signed = signed
 
 
-def axis_readers(axis: ProfileAxis, dc_link: DcLink) -> dict[int, Callable[[], Any]]:
+def axis_readers(axis: ProfileAxis, dc_link: DcLink) -> dict[int, Callable[[], int | str]]:
     """Return what the actual and demand values show."""
     core = axis.core
     return {
@@ -77,37 +77,37 @@ def axis_readers(axis: ProfileAxis, dc_link: DcLink) -> dict[int, Callable[[], A
     }
 
 
-def axis_checks(axis: ProfileAxis, parameters: Parameters) -> dict[int, Callable[[Any], object]]:
+def axis_checks(axis: ProfileAxis, parameters: Parameters) -> dict[int, Callable[[int], object]]:
     """Return the rules of the objects of the axis, whatever the mode."""
     values = axis.values
     core = axis.core
-    checks: dict[int, Callable[[Any], object]] = {}
+    checks: dict[int, Callable[[int], object]] = {}
 
-    def changed(_value: Any) -> None:
+    def changed(_value: int) -> None:
         parameters.changed = True
 
-    def refuse_while_enabled(_value: Any) -> None:
+    def refuse_while_enabled(_value: int) -> None:
         if core.enabled:
             raise SdoAbort(AbortCode.DEVICE_STATE)
 
-    def outside_operation(value: Any, old: Any) -> None:
+    def outside_operation(value: int, old: int) -> None:
         if value != old:
             refuse_while_enabled(value)
             parameters.changed = True
 
-    def add(keys: Iterable[int], check: Callable[[Any], object]) -> None:
+    def add(keys: Iterable[int], check: Callable[[int], object]) -> None:
         checks.update(dict.fromkeys(keys, check))
 
-    def one_of(allowed: Container[int]) -> Callable[[Any], None]:
-        def check(value: Any) -> None:
+    def one_of(allowed: Container[int]) -> Callable[[int], None]:
+        def check(value: int) -> None:
             if value not in allowed:
                 raise SdoAbort(AbortCode.VALUE)
             parameters.changed = True
 
         return check
 
-    def factor(key: int) -> Callable[[Any], None]:
-        def check(value: Any) -> None:
+    def factor(key: int) -> Callable[[int], None]:
+        def check(value: int) -> None:
             if not value:
                 raise SdoAbort(AbortCode.VALUE)
             outside_operation(value, values[key])
@@ -125,7 +125,7 @@ def axis_checks(axis: ProfileAxis, parameters: Parameters) -> dict[int, Callable
     add((0x60FE01, 0x60FE02), changed)
     add((0x101001, 0x101002, 0x101003), refuse_while_enabled)
 
-    def unit(value: Any) -> None:
+    def unit(value: int) -> None:
         try:
             velocity_unit_rad_s(value)
         except ConfigurationError:
@@ -134,12 +134,12 @@ def axis_checks(axis: ProfileAxis, parameters: Parameters) -> dict[int, Callable
 
     checks[0x60A900] = unit
 
-    def lower_limit(value: Any) -> None:
+    def lower_limit(value: int) -> None:
         if value > values[0x607D02]:
             raise SdoAbort(AbortCode.MAXIMUM_BELOW_MINIMUM)
         parameters.changed = True
 
-    def upper_limit(value: Any) -> None:
+    def upper_limit(value: int) -> None:
         if value < values[0x607D01]:
             raise SdoAbort(AbortCode.MAXIMUM_BELOW_MINIMUM)
         parameters.changed = True
@@ -147,7 +147,7 @@ def axis_checks(axis: ProfileAxis, parameters: Parameters) -> dict[int, Callable
     checks[0x607D01] = lower_limit
     checks[0x607D02] = upper_limit
 
-    def homing_method(value: Any) -> None:
+    def homing_method(value: int) -> None:
         methods = [values[0x60E300 | sub] for sub in range(1, values[0x60E300] + 1)]
         if value and value not in methods:
             raise SdoAbort(AbortCode.VALUE)
@@ -167,7 +167,7 @@ def axis_checks(axis: ProfileAxis, parameters: Parameters) -> dict[int, Callable
     checks[0x60C201] = lambda value: period(value, values[0x60C202])
     checks[0x60C202] = lambda value: period(values[0x60C201], value)
 
-    def fresh(_value: Any) -> None:
+    def fresh(_value: int) -> None:
         axis.fresh = True
 
     add((0x60FF00, 0x607100), fresh)

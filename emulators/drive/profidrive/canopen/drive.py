@@ -17,12 +17,12 @@ from emulators.drive.profidrive.bus_drive import DriveOnBus
 from emulators.drive.profidrive.canopen import objects
 from emulators.drive.profidrive.canopen.cia402_objects import Cia402Objects
 from emulators.drive.profidrive.canopen.eds import EDS
-from emulators.drive.profidrive.canopen.process_words import ProcessWords
 from emulators.drive.profidrive.canopen.sdo_parameters import ParameterObjects
 from emulators.drive.profidrive.config import ProfidriveConfig
 from emulators.drive.profidrive.faults import catalogue as numbers
 from emulators.drive.profidrive.faults.catalogue import Fault
 from emulators.drive.profidrive.statemachine import Off
+from emulators.process_words import ProcessWords, SyncCycle
 from emulators.trace import NMT_STATE, value_texts
 from fieldbus.can.frame import CanSegment
 from fieldbus.canopen.abort import AbortCode, SdoAbort
@@ -34,8 +34,6 @@ from fieldbus.history import History
 if TYPE_CHECKING:
     import numpy as np
 
-_OPERATIONAL: Final = NmtState.OPERATIONAL
-_FREE_RUNNING_PRIORITY: Final = 2
 _MEMORY: Final = "parameters"
 _WITH_PARAMETERS: Final = (1, 3)
 """Groups of 1010h and 1011h to which the parameters of the drive belong: all, application."""
@@ -90,7 +88,6 @@ class ProfidriveCanDrive(DriveOnBus):
     __slots__ = (
         "_configured",
         "_emcys",
-        "_sync_ns",
         "_words",
         "node",
         "node_config",
@@ -125,7 +122,6 @@ class ProfidriveCanDrive(DriveOnBus):
         )
         self.slave = self.node.slave
         self._words = ProcessWords(self.slave, drive.telegram)
-        self._sync_ns = 0
         self._emcys: set[int] = set()
         slave = self.slave
         slave.on_write(objects.ABORT_CONNECTION, 0, _check_abort_connection)
@@ -139,15 +135,19 @@ class ProfidriveCanDrive(DriveOnBus):
         self.parameters.memory.on_saved = self._keep_parameters
         if _MEMORY in store.extra:
             self.parameters.store.saved = store.extra[_MEMORY]
-        slave.on_sync.append(self._on_sync)
         slave.on_nmt_state.append(self._on_nmt_state)
+        SyncCycle(
+            scheduler,
+            slave,
+            self._words,
+            self._cycle,
+            free_running_ns=None if drive.isochronous else config.drive.cycle_ns,
+        )
         slave.on_reset.append(self._on_reset)
         slave.on_communication_error.append(self._on_communication_error)
         drive.on_fault.append(self._on_fault)
         drive.on_inputs = lambda: slave.set(objects.DIGITAL_INPUTS, 0, drive.inputs)
         drive.on_warning = lambda: slave.set(objects.WARNING_NUMBER, 0, drive.faults.warning_number)
-        if not drive.isochronous:
-            scheduler.every(config.drive.cycle_ns, self._free_running, priority=_FREE_RUNNING_PRIORITY)
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the present values of `trace_columns`; position and velocity are those of the true
@@ -207,20 +207,8 @@ class ProfidriveCanDrive(DriveOnBus):
 
     def _on_nmt_state(self, old: NmtState, new: NmtState) -> None:
         self.drive.emit("drive.nmt", **{"from": old.name, "to": new.name})
-        if new is NmtState.OPERATIONAL:
-            self._words.begin()
 
     # -- bus cycle -------------------------------------------------------------------------------------
-
-    def _on_sync(self, time_ns: int) -> None:
-        self._sync_ns = time_ns
-        if self.slave.nmt_state is _OPERATIONAL:
-            self._cycle()
-
-    def _free_running(self) -> None:
-        now = self.scheduler.now
-        if self.slave.nmt_state is NmtState.OPERATIONAL and now - self._sync_ns > 2 * self.config.cycle_ns:
-            self._cycle()
 
     def _cycle(self) -> None:
         drive = self.drive

@@ -6,14 +6,10 @@ from __future__ import annotations
 
 from typing import Final
 
+from emulators.process_words import RECEIVE_WORD, SEND_WORD, WORDS
 from fieldbus.canopen.communication_objects import PdoDefaults, communication_objects
 from fieldbus.canopen.object_table import I16, U16, U32, ObjectRow, var
 
-RECEIVE_WORD: Final = 0x5800
-"""5800h..580Fh: words of the telegram from the controller."""
-SEND_WORD: Final = 0x5810
-"""5810h..581Fh: words of the telegram to the controller."""
-WORDS: Final = 16
 ABORT_CONNECTION: Final = 0x6007
 DIGITAL_INPUTS: Final = 0x2000 + 722
 FAULT_NUMBER: Final = 0x2000 + 2131

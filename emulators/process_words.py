@@ -7,17 +7,27 @@ into the TPDOs of the same SYNC.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from operator import eq, itemgetter
 from struct import Struct
-from typing import TYPE_CHECKING
+from typing import Final
 
-from emulators.drive.profidrive.canopen import objects
+from fieldbus.canopen.nmt import NmtState
+from fieldbus.canopen.pdo import ReceivePdo
+from fieldbus.canopen.slave import CanopenSlave
+from fieldbus.clock import Scheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import Telegram
 
-if TYPE_CHECKING:
-    from fieldbus.canopen.pdo import ReceivePdo
-    from fieldbus.canopen.slave import CanopenSlave
+_OPERATIONAL: Final = NmtState.OPERATIONAL
+RECEIVE_WORD: Final = 0x5800
+"""5800h..580Fh: words of the telegram from the controller."""
+SEND_WORD: Final = 0x5810
+"""5810h..581Fh: words of the telegram to the controller."""
+WORDS: Final = 16
+"""Words of a telegram in one direction, at most."""
+FREE_RUNNING_PRIORITY: Final = 2
+"""A free-running cycle follows the servo step and the control cycle of the same instant."""
 
 
 class ProcessWords:
@@ -47,11 +57,11 @@ class ProcessWords:
     def __init__(self, slave: CanopenSlave, telegram: Telegram) -> None:
         out, back = telegram.setpoint.words, telegram.actual.words
         for words in (out, back):
-            if words > objects.WORDS:
-                raise ConfigurationError("telegram", f"{words} words", f"at most {objects.WORDS} words")
+            if words > WORDS:
+                raise ConfigurationError("telegram", f"{words} words", f"at most {WORDS} words")
         self._slave = slave
-        self._keys_in = tuple(objects.RECEIVE_WORD + word << 8 for word in range(out))
-        self._keys_out = tuple(objects.SEND_WORD + word << 8 for word in range(back))
+        self._keys_in = tuple(RECEIVE_WORD + word << 8 for word in range(out))
+        self._keys_out = tuple(SEND_WORD + word << 8 for word in range(back))
         first, *others = self._keys_in
         self._gather = itemgetter(first, *others) if others else lambda values: (values[first],)
         self._to_frame = Struct(f">{out}h")
@@ -90,3 +100,53 @@ class ProcessWords:
         if self._touches:
             for key in self._keys_out:
                 self._slave.pdos.touch(key)
+
+
+class SyncCycle:
+    """Runs the bus cycle of an operational device at every SYNC, and by itself when nobody sends SYNC.
+
+    Args:
+        scheduler: Clock of the device.
+        slave: Its node.
+        words: Its process data words.
+        run: Makes one bus cycle.
+        free_running_ns: Bus cycle without SYNC, ns; None: without SYNC there is none.
+
+    """
+
+    __slots__ = ("_run", "_scheduler", "_silence_ns", "_slave", "_sync_ns", "_words")
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        slave: CanopenSlave,
+        words: ProcessWords,
+        run: Callable[[], None],
+        *,
+        free_running_ns: int | None,
+    ) -> None:
+        self._scheduler = scheduler
+        self._slave = slave
+        self._words = words
+        self._run = run
+        self._sync_ns = 0
+        self._silence_ns = 0
+        slave.on_sync.append(self._on_sync)
+        slave.on_nmt_state.append(self._on_nmt_state)
+        if free_running_ns is not None:
+            self._silence_ns = 2 * free_running_ns
+            scheduler.every(free_running_ns, self._free_run, priority=FREE_RUNNING_PRIORITY)
+
+    def _on_nmt_state(self, _old: NmtState, new: NmtState) -> None:
+        if new is _OPERATIONAL:
+            self._words.begin()
+
+    def _on_sync(self, time_ns: int) -> None:
+        self._sync_ns = time_ns
+        if self._slave.nmt_state is _OPERATIONAL:
+            self._run()
+
+    def _free_run(self) -> None:
+        late = self._scheduler.now - self._sync_ns > self._silence_ns
+        if late and self._slave.nmt_state is _OPERATIONAL:
+            self._run()

@@ -1,5 +1,9 @@
-"""Acyclic parameter channel in registers, data record 47 over Modbus (PD-326 to PD-333). Knows registers, no
-Modbus.
+"""Acyclic access to parameters by requests; knows no bus.
+
+In registers it is data record 47 over Modbus (PD-326 to PD-333), in data records that of PROFIBUS and
+PROFINET (PD-199, PD-206, PD-232).
+
+Record 47 (2Fh) on PROFIBUS, B02Eh and B02Fh on PROFINET. One connection has one request at a time.
 """
 
 from __future__ import annotations
@@ -7,11 +11,17 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Sequence
 from enum import IntEnum
-from typing import Final
+from typing import Final, Generic, TypeVar
 
 from emulators.drive.profidrive.parameters.server import ParameterServer
 from fieldbus.clock import MS
+from fieldbus.profidrive.record_errors import RecordError, RecordRefusedError
+from fieldbus.profidrive.requests import LONGEST_RECORD, RequestId
 
+Answer = TypeVar("Answer")
+RECORDS: Final = frozenset({0x2F, 0xB02E, 0xB02F})
+"""Records of the parameter access point."""
+_REQUEST_HEADER: Final = 4
 FIRST_REGISTER: Final = 40601
 REGISTERS: Final = 122
 """Control word, header, 120 registers of data."""
@@ -40,6 +50,30 @@ class ChannelError(IntEnum):
     INTERNAL = 5
 
 
+class _DelayedAnswer(Generic[Answer]):
+    """The answer to a request, which can be read after the time that the drive takes for it."""
+
+    __slots__ = ("_ready_ns", "answer")
+
+    def __init__(self) -> None:
+        self.answer: Answer | None = None
+        """The answer, perhaps not yet to be read; None: there is no request."""
+        self._ready_ns = 0
+
+    def give(self, answer: Answer, ready_ns: int) -> None:
+        """Let an answer be read from a time on."""
+        self.answer = answer
+        self._ready_ns = ready_ns
+
+    def pending(self, now_ns: int) -> bool:
+        """Return whether a request is being carried out."""
+        return self.answer is not None and now_ns < self._ready_ns
+
+    def clear(self) -> None:
+        """Forget request and answer."""
+        self.answer = None
+
+
 class ParameterChannel:
     """The registers 40601 to 40722 over a parameter server.
 
@@ -54,10 +88,9 @@ class ParameterChannel:
     """
 
     __slots__ = (
-        "_answer",
         "_available",
         "_filled",
-        "_ready_ns",
+        "_pending",
         "_registers",
         "_server",
         "injected",
@@ -80,8 +113,7 @@ class ParameterChannel:
         self.injected = 0
         """`ChannelError` with which every request is answered; 0 = none."""
         self._registers = [0] * REGISTERS
-        self._answer: tuple[int, ...] | None = None
-        self._ready_ns = 0
+        self._pending: _DelayedAnswer[tuple[int, ...]] = _DelayedAnswer()
         self._filled = _DATA
 
     def write(self, first: int, values: Sequence[int], now_ns: int) -> bool:
@@ -97,9 +129,9 @@ class ParameterChannel:
 
         """
         start = self._place(first, len(values))
-        if self._answer is not None and now_ns < self._ready_ns:
+        if self._pending.pending(now_ns):
             return False
-        self._answer = None
+        self._pending.clear()
         self._registers[start : start + len(values)] = [value & 0xFFFF for value in values]
         if start + len(values) > _DATA:
             self._filled = max(self._filled, start + len(values))
@@ -108,7 +140,7 @@ class ParameterChannel:
             if control == ChannelControl.START:
                 self._start(now_ns)
             elif control != ChannelControl.WRITE_ONLY:
-                self._publish(_failure(ChannelError.STATE), now_ns)
+                self._pending.give(_failure(ChannelError.STATE), now_ns)
         return True
 
     def read(self, first: int, count: int, now_ns: int) -> list[int]:
@@ -119,18 +151,19 @@ class ParameterChannel:
 
         """
         start = self._place(first, count)
-        if self._answer is None:
+        answer = self._pending.answer
+        if answer is None:
             shown: Sequence[int] = self._registers
-        elif now_ns < self._ready_ns:
+        elif self._pending.pending(now_ns):
             shown = _failure(ChannelError.NOT_READY, ChannelControl.START)
         else:
-            shown = self._answer
+            shown = answer
         return list(shown[start : start + count])
 
     def reset(self) -> None:
         """Begin as after power-on."""
         self._registers = [0] * REGISTERS
-        self._answer = None
+        self._pending.clear()
         self._filled = _DATA
 
     def _start(self, now_ns: int) -> None:
@@ -138,24 +171,20 @@ class ParameterChannel:
         filled = 2 * (self._filled - _DATA)
         self._filled = _DATA
         if function != _RECORD:
-            self._publish(_failure(ChannelError.FUNCTION), now_ns)
+            self._pending.give(_failure(ChannelError.FUNCTION), now_ns)
         elif not 0 < length <= min(filled, _LONGEST):
-            self._publish(_failure(ChannelError.LENGTH), now_ns)
+            self._pending.give(_failure(ChannelError.LENGTH), now_ns)
         elif not self._available():
-            self._publish(_failure(ChannelError.STATE), now_ns)
+            self._pending.give(_failure(ChannelError.STATE), now_ns)
         elif self.injected:
-            self._publish(_failure(self.injected), now_ns + self.latency_ns)
+            self._pending.give(_failure(self.injected), now_ns + self.latency_ns)
         else:
             data = struct.pack(f">{REGISTERS - _DATA}H", *self._registers[_DATA:])[:length]
             answer = self._server.request(data)
             words = struct.unpack(f">{REGISTERS - _DATA}H", answer.ljust(_LONGEST, b"\0"))
-            self._publish(
+            self._pending.give(
                 (ChannelControl.READY, _RECORD << 8 | len(answer), *words), now_ns + self.latency_ns
             )
-
-    def _publish(self, registers: tuple[int, ...], ready_ns: int) -> None:
-        self._answer = registers
-        self._ready_ns = ready_ns
 
     @staticmethod
     def _place(first: int, count: int) -> int:
@@ -170,3 +199,69 @@ class ParameterChannel:
 
 def _failure(error: int, control: int = ChannelControl.READY) -> tuple[int, ...]:
     return (control, _RECORD << 8, error, *(0,) * (REGISTERS - 3))
+
+
+class ParameterRecord:
+    """The records of one connection over a parameter server.
+
+    Args:
+        server: Answers the requests.
+        latency_ns: Time to the answer, ns, >= 0.
+        available: Whether the drive is there at present.
+
+    """
+
+    __slots__ = ("_available", "_pending", "_server", "latency_ns")
+
+    def __init__(
+        self,
+        server: ParameterServer,
+        *,
+        latency_ns: int = 20 * MS,
+        available: Callable[[], bool] = lambda: True,
+    ) -> None:
+        self._server = server
+        self._available = available
+        self.latency_ns = latency_ns
+        self._pending: _DelayedAnswer[bytes] = _DelayedAnswer()
+
+    def write(self, record: int, data: bytes, now_ns: int) -> None:
+        """Take a request.
+
+        Raises:
+            RecordRefusedError: Module failure, no such record, wrong length, a request under way, wrong
+                header.
+
+        """
+        self._check(record)
+        if not _REQUEST_HEADER <= len(data) <= LONGEST_RECORD:
+            raise RecordRefusedError(RecordError.LENGTH)
+        if self._pending.pending(now_ns):
+            raise RecordRefusedError(RecordError.STATE_CONFLICT)
+        if data[1] not in set(RequestId) or not data[0]:
+            raise RecordRefusedError(RecordError.RANGE)
+        self._pending.give(self._server.request(data), now_ns + self.latency_ns)
+
+    def read(self, record: int, now_ns: int) -> bytes:
+        """Return the answer; it is gone then.
+
+        Raises:
+            RecordRefusedError: Module failure, no such record, no answer or not yet.
+
+        """
+        self._check(record)
+        answer = self._pending.answer
+        if answer is None or self._pending.pending(now_ns):
+            raise RecordRefusedError(RecordError.STATE_CONFLICT)
+        self._pending.clear()
+        return answer
+
+    def reset(self) -> None:
+        """Forget the request: the connection has ended."""
+        self._pending.clear()
+
+    def _check(self, record: int) -> None:
+        if not self._available():
+            raise RecordRefusedError(RecordError.MODULE)
+        if record not in RECORDS:
+            raise RecordRefusedError(RecordError.INDEX)
