@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING, Final, Literal
 
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
-from fieldbus.modbus import Change, ExceptionCode
-from fieldbus.modbus.framing import crc16
 from hil.faults._kind import Action, Custom, Family, FaultType, Injection, Work, override_action
 from hil.faults._overrides import Override
 from hil.faults._parameters import Environment, Parameter, Values
@@ -29,6 +27,7 @@ from hil.faults.seams import (
 
 if TYPE_CHECKING:
     from fieldbus.clock import Timer
+    from fieldbus.modbus import Change
 
 _CONTROLLER: Final = "controller"
 _HEADER: Final = 7
@@ -134,10 +133,14 @@ class Frame:
 
     def sealed(self, data: bytes) -> bytes:
         """Return other content, on a line with the CRC of it."""
-        return data[:-2] + crc16(data[:-2]) if self.line else data
+        if not self.line:
+            return data
+        from fieldbus.modbus.framing import crc16
+
+        return data[:-2] + crc16(data[:-2])
 
 
-Treatment = Callable[[Frame, Values], tuple[Change | None, str]]
+Treatment = Callable[[Frame, Values], "tuple[Change | None, str]"]
 """Returns what becomes of a frame, and that in a text; None: it does not fit."""
 
 
@@ -179,7 +182,7 @@ class HitModbusFrames:
         def hook(sender: str, data: bytes, _time_ns: int) -> Change | None:
             waiting = held.pop(sender, b"")
             if waiting:
-                return Change(data=waiting + data)
+                return _change(data=waiting + data)
             frame = Frame(sender, data, line, request=sender == _CONTROLLER)
             if not matches(frame) or not choice.hit():
                 return None
@@ -197,25 +200,34 @@ class HitModbusFrames:
         return Action(segment.name, lambda: remove_hook.append(segment.add_hook(hook)), finish)
 
 
+def _change(
+    *, drop: bool = False, data: bytes | None = None, delay_ns: int = 0, reset: bool = False
+) -> Change:
+    """Return what becomes of a frame; the library is imported when a frame is hit."""
+    from fieldbus.modbus import hooks
+
+    return hooks.Change(drop=drop, data=data, delay_ns=delay_ns, reset=reset)
+
+
 def _break_crc(frame: Frame, _values: Values) -> tuple[Change, str]:
-    return Change(data=frame.data[:-1] + bytes((frame.data[-1] ^ 0xFF,))), "CRC wrong"
+    return _change(data=frame.data[:-1] + bytes((frame.data[-1] ^ 0xFF,))), "CRC wrong"
 
 
 def _truncate(frame: Frame, values: Values) -> tuple[Change | None, str]:
     length = values.integer("length")
     if length >= len(frame.data):
         return None, ""
-    return Change(data=frame.data[:length]), f"{len(frame.data)} bytes become {length}"
+    return _change(data=frame.data[:length]), f"{len(frame.data)} bytes become {length}"
 
 
 def _hold_back(_frame: Frame, _values: Values) -> tuple[Change, str]:
-    return Change(drop=True), "held back for the next one"
+    return _change(drop=True), "held back for the next one"
 
 
 def _set_unit(frame: Frame, unit: int) -> tuple[Change, str]:
     data, at = frame.data, frame.pdu - 1
     changed = frame.sealed(data[:at] + bytes((unit,)) + data[at + 1 :])
-    return Change(data=changed), f"unit {data[at]} becomes {unit}"
+    return _change(data=changed), f"unit {data[at]} becomes {unit}"
 
 
 def _change_unit(frame: Frame, values: Values) -> tuple[Change, str]:
@@ -229,20 +241,20 @@ def _broadcast(frame: Frame, _values: Values) -> tuple[Change, str]:
 def _change_transaction(frame: Frame, values: Values) -> tuple[Change, str]:
     old = int.from_bytes(frame.data[:2])
     new = (old + values.integer("step")) % 0x10000
-    return Change(data=new.to_bytes(2) + frame.data[2:]), f"transaction {old} becomes {new}"
+    return _change(data=new.to_bytes(2) + frame.data[2:]), f"transaction {old} becomes {new}"
 
 
 def _drop(_frame: Frame, _values: Values) -> tuple[Change, str]:
-    return Change(drop=True), "lost"
+    return _change(drop=True), "lost"
 
 
 def _delay(_frame: Frame, values: Values) -> tuple[Change, str]:
     delay_s = values.number("delay_s")
-    return Change(delay_ns=seconds_to_ns(delay_s)), f"{delay_s:g} s later"
+    return _change(delay_ns=seconds_to_ns(delay_s)), f"{delay_s:g} s later"
 
 
 def _reset(_frame: Frame, _values: Values) -> tuple[Change, str]:
-    return Change(reset=True), "connection reset"
+    return _change(reset=True), "connection reset"
 
 
 def _corrupt(frame: Frame, values: Values) -> tuple[Change | None, str]:
@@ -256,7 +268,7 @@ def _corrupt(frame: Frame, values: Values) -> tuple[Change | None, str]:
     old = int.from_bytes(data[at : at + 2])
     new = old ^ values.integer("mask")
     changed = frame.sealed(data[:at] + new.to_bytes(2) + data[at + 2 :])
-    return Change(data=changed), f"register {register}: {old:04X} becomes {new:04X}"
+    return _change(data=changed), f"register {register}: {old:04X} becomes {new:04X}"
 
 
 def _first_register(function: int, *, request: bool) -> int | None:
@@ -269,6 +281,8 @@ def _first_register(function: int, *, request: bool) -> int | None:
 
 def _exceptions(injection: Injection) -> Action:
     """Return the action that lets the servers of drives and stations refuse requests."""
+    from fieldbus.modbus import ExceptionCode
+
     segment = _find_segment(injection, None)
     servers = _servers(injection, segment)
     choice, values = _Choice(injection), injection.values
