@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final, TypeVar
 
 from typing_extensions import override
 
@@ -19,6 +19,8 @@ from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 
 if TYPE_CHECKING:
     from numpy.random import Generator
+
+Received = TypeVar("Received")
 
 PPB: Final = 1_000_000_000
 LARGEST_DRIFT_PPM: Final = 100_000.0
@@ -74,10 +76,10 @@ class NodeClock(Scheduler):
         elapsed = local_ns - self._anchor_ns - self._offset_ns
         return self._anchor_ns - (-elapsed * PPB // (PPB + self._ppb))
 
-    def to_local_time(self, receive: Callable[[Any, int], None]) -> Callable[[Any, int], None]:
+    def to_local_time(self, receive: Callable[[Received, int], None]) -> Callable[[Received, int], None]:
         """Return a receiver of frames that gets their time by this clock."""
 
-        def take(frame: Any, time_ns: int) -> None:
+        def take(frame: Received, time_ns: int) -> None:
             receive(frame, time_ns if self._straight else self.local(time_ns))
 
         return take

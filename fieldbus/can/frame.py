@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol, runtime_checkable
 
 from fieldbus.clock import Scheduler
@@ -90,5 +90,19 @@ class CanSegment(Protocol):
     def bitrate(self) -> int | None:
         """Bit rate, bit/s; None = not known."""
 
-    def attach(self, name: str, receive: FrameReceiver) -> CanPort:
-        """Connect a node; `receive` gets every frame of the others, never the node's own."""
+    @property
+    def ports(self) -> Sequence[CanPort]:
+        """The attached nodes, in the order in which they came."""
+
+    def attach(self, name: str, receive: FrameReceiver, *, confirm: FrameReceiver | None = None) -> CanPort:
+        """Connect a node.
+
+        Args:
+            name: Its name, which no other node of the segment has.
+            receive: Called with every frame of the others, never with the node's own.
+            confirm: Called with every own frame that was sent.
+
+        Raises:
+            BusError: The name is taken.
+
+        """

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from queue import Empty, SimpleQueue
 from threading import get_ident
-from typing import Any, Final
+from typing import Final
 
 import can
 from can.broadcastmanager import (
@@ -23,7 +23,7 @@ from can.broadcastmanager import (
 )
 
 from fieldbus.can.confinement import ErrorCode, NodeState
-from fieldbus.can.frame import CanFrame, CanSegment
+from fieldbus.can.frame import CanFrame, CanPort, CanSegment
 from fieldbus.can.medium import CanMedium
 from fieldbus.can.message import error_message, status_message, to_frame, to_message
 from fieldbus.can.port import MediumPort
@@ -65,13 +65,13 @@ class HilBus(can.BusABC):
     def __init__(
         self,
         channel: CanSegment | str | int,
-        can_filters: Any = None,
+        can_filters: can.typechecking.CanFilters | None = None,
         *,
         receive_own_messages: bool = False,
         name: str | None = None,
         error_frames: bool = False,
         bitrate: int | None = None,
-        **options: Any,
+        **options: object,
     ) -> None:
         try:
             segment = find_segment(str(channel)) if isinstance(channel, str | int) else channel
@@ -94,25 +94,25 @@ class HilBus(can.BusABC):
         self._receive_own = receive_own_messages
         self._cleanup: list[Callable[[], object]] = []
         self.port = self._attach(name)
+        self._controller = self.port if isinstance(self.port, MediumPort) else None
         if error_frames:
             self._listen_for_errors()
         super().__init__(channel=segment.name, can_filters=can_filters)
 
-    def _attach(self, name: str | None) -> Any:
+    def _attach(self, name: str | None) -> CanPort:
         """Attach under `name`, or under the first default name that is free."""
-        options: dict[str, Any] = {"confirm": self._on_sent} if self._receive_own else {}
-        attach: Callable[..., Any] = self.segment.attach
+        confirm = self._on_sent if self._receive_own else None
         if name is not None:
             try:
-                return attach(name, self._on_frame, **options)
+                return self.segment.attach(name, self._on_frame, confirm=confirm)
             except BusError as error:
                 raise can.CanInitializationError(str(error)) from error
-        taken = {port.name for port in getattr(self.segment, "ports", ())}
+        taken = {port.name for port in self.segment.ports}
         number, default = 1, "python-can"
         while default in taken:
             number += 1
             default = f"python-can {number}"
-        return attach(default, self._on_frame, **options)
+        return self.segment.attach(default, self._on_frame, confirm=confirm)
 
     # --------------------------------------------------------------------------------------------- receiving
 
@@ -254,14 +254,18 @@ class HilBus(can.BusABC):
             if self._scheduler.realtime:
                 self._scheduler.post(lambda: self._send_posted(frame))
                 return
-            refused = getattr(self.port, "overruns", 0)
+            refused = self._overruns
             self.port.send(frame)
         except BusError as error:
             raise can.CanOperationError(str(error)) from error
-        if getattr(self.port, "overruns", 0) != refused:
+        if self._overruns != refused:
             raise can.CanOperationError(
                 f"the transmit queue of {self.port.name} on {self.segment.name} is full"
             )
+
+    @property
+    def _overruns(self) -> int:
+        return 0 if self._controller is None else self._controller.overruns
 
     def _send_posted(self, frame: CanFrame) -> None:
         self._scheduler_thread = get_ident()
@@ -282,12 +286,11 @@ class HilBus(can.BusABC):
         )
 
     def flush_tx_buffer(self) -> None:
-        """Forget the messages that wait for the bus."""
-        flush = getattr(self.port, "flush", None)
-        if flush is not None:
-            self._do(flush)
+        """Remove the messages that wait for the bus."""
+        if self._controller is not None:
+            self._do(self._controller.flush)
 
-    def _do(self, action: Callable[[], Any]) -> None:
+    def _do(self, action: Callable[[], object]) -> None:
         """Carry out what belongs to the scheduler's thread."""
         if self._scheduler.realtime:
             self._scheduler.post(action)
@@ -299,7 +302,7 @@ class HilBus(can.BusABC):
     @property
     def state(self) -> can.BusState:
         """ACTIVE, PASSIVE (error-passive) or ERROR (bus-off); always ACTIVE where it is not known."""
-        return _STATES[getattr(self.port, "state", NodeState.ERROR_ACTIVE)]
+        return _STATES[NodeState.ERROR_ACTIVE if self._controller is None else self._controller.state]
 
     @state.setter
     def state(self, new_state: can.BusState) -> None:

@@ -111,8 +111,6 @@ class KernelBridge:
 class KernelTreatment:
     """A fault that the kernel carries out."""
 
-    __slots__ = ("_bridge", "_sources", "hits")
-
     def __init__(self, bridge: KernelBridge, sources: tuple[str, ...]) -> None:
         self._bridge = bridge
         self._sources: tuple[str, ...] | None = sources

@@ -7,7 +7,7 @@ segment, for tools and as an independent second implementation.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fieldbus.canopen.abort import ABORT_TEXTS, AbortCode, SdoAbort
 from fieldbus.canopen.boot import BootFailure, BootState
@@ -53,7 +53,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> type[PumpedNetwork]:
     """Import `PumpedNetwork` when it is asked for: the library behind it takes half a second to load."""
     if name == "PumpedNetwork":
         from fieldbus.canopen.network import PumpedNetwork

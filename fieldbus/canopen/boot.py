@@ -93,8 +93,6 @@ class BootFailure(HilError):  # noqa: N818 - a failed boot is an outcome first
 class BootReport:
     """What a boot has found and done; filled while it goes on."""
 
-    __slots__ = ("compared", "device_type", "identity", "verified", "written")
-
     def __init__(self) -> None:
         self.device_type: int | None = None
         """1000h."""
@@ -148,8 +146,7 @@ def boot_script(
             observed=device_type,
         )
     enter(BootState.IDENTITY)
-    for sub, key in enumerate(IDENTITY, 1):
-        expected: int | None = getattr(setup, key)
+    for sub, (key, expected) in enumerate(zip(IDENTITY, setup.identity, strict=True), 1):
         observed = yield from read.optional(BootState.IDENTITY, 0x1018, sub)
         if observed is not None:
             report.identity[key] = observed
@@ -271,8 +268,6 @@ def _silence(setup: NodeSetup, state: BootState, index: int, sub: int) -> BootFa
 
 class _Reader:
     """Reads entries within a script."""
-
-    __slots__ = ("_report", "_setup")
 
     def __init__(self, setup: NodeSetup, report: BootReport) -> None:
         self._setup = setup

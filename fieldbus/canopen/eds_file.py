@@ -155,8 +155,6 @@ class EdsFile:
 
     """
 
-    __slots__ = ("name", "sections")
-
     def __init__(self, path: str | PathLike[str]) -> None:
         self.name = fspath(path)
         self.sections: dict[str, EdsSection] = {}

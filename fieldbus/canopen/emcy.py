@@ -55,24 +55,6 @@ class EmcyProducer:
 
     """
 
-    __slots__ = (
-        "_capacity",
-        "_history",
-        "_node_id",
-        "_not_before_ns",
-        "_queue",
-        "_scheduler",
-        "_send",
-        "_set_value",
-        "_source",
-        "_state",
-        "_store",
-        "_timer",
-        "active",
-        "lost",
-        "replacements",
-    )
-
     def __init__(
         self,
         scheduler: Scheduler,

@@ -33,27 +33,6 @@ class ErrorControl:
 
     """
 
-    __slots__ = (
-        "_can_id",
-        "_consumer_subs",
-        "_guarded",
-        "_life_lost",
-        "_life_timer",
-        "_lost",
-        "_on_found",
-        "_on_lost",
-        "_producer_timer",
-        "_scheduler",
-        "_send",
-        "_state",
-        "_store",
-        "_toggle",
-        "_watches",
-        "lateness_ns",
-        "on_remote_state",
-        "silent",
-    )
-
     def __init__(
         self,
         scheduler: Scheduler,
@@ -278,8 +257,6 @@ class ErrorControl:
 
 class _Watch:
     """One watched node; its timer is entered once per timeout, not once per heartbeat."""
-
-    __slots__ = ("_last_ns", "_on_lost", "_scheduler", "_timer", "node", "state", "timeout_ns")
 
     def __init__(
         self, scheduler: Scheduler, node: int, timeout_ns: int, on_lost: Callable[[int], None]

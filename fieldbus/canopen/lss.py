@@ -103,23 +103,6 @@ class LssSlave:
 
     """
 
-    __slots__ = (
-        "_bitrates",
-        "_identify_stage",
-        "_owner",
-        "_scan_part",
-        "_scheduler",
-        "_select_stage",
-        "_send",
-        "_timer",
-        "active_node_id",
-        "enabled",
-        "pending",
-        "settings_stored",
-        "state",
-        "stored",
-    )
-
     def __init__(
         self,
         scheduler: Scheduler,

@@ -33,8 +33,6 @@ class ParameterFile:
 
     """
 
-    __slots__ = ("path",)
-
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
 

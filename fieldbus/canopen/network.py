@@ -187,8 +187,6 @@ def _refuse_in_callback(scheduler: Scheduler, what: str) -> None:
 class PumpedQueue:
     """Stands in for the `queue.Queue` of an SDO client or LSS master."""
 
-    __slots__ = ("_items", "_scheduler")
-
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
         self._items: deque[bytes] = deque()
@@ -227,8 +225,6 @@ class PumpedCondition:
     """Stands in for the `threading.Condition` of an NMT master, PDO or EMCY consumer; there is one thread
     only.
     """
-
-    __slots__ = ("_notified", "_scheduler")
 
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler

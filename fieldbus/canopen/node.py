@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from fieldbus.canopen.boot import BootFailure, BootReport, BootRunner, BootState, boot_script
 from fieldbus.canopen.connection import BusConnection
@@ -199,7 +199,7 @@ class RemoteNode:
             self._guard.stop()
         self.boot_state = BootState.OFF
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> dict[str, object]:
         """Return the present view of the node for reports: plain values only."""
         failure = self.failure
         return {

@@ -42,19 +42,6 @@ class NodeSettings:
 
     """
 
-    __slots__ = (
-        "_delivered_bitrate",
-        "_file",
-        "_history",
-        "_on_node_id",
-        "_port",
-        "_source",
-        "_store",
-        "bitrate",
-        "lss",
-        "on_bitrate",
-    )
-
     def __init__(
         self,
         scheduler: Scheduler,

@@ -172,6 +172,11 @@ class NodeSetup:
         if self.guard_time_ms and not 1 <= self.life_time_factor <= 255:
             raise ConfigurationError(f"{self.name}: life_time_factor", self.life_time_factor, "1..255")
 
+    @property
+    def identity(self) -> tuple[int | None, ...]:
+        """Expected 1018h:1 to 4, in the order of `IDENTITY`; None = any."""
+        return self.vendor_id, self.product_code, self.revision, self.serial
+
     def everything(self) -> Iterator[Parameter]:
         """Return all that commissioning may write, in order."""
         for pdo in self.pdos:

@@ -32,17 +32,6 @@ class SdoChannels:
 
     """
 
-    __slots__ = (
-        "_channels",
-        "_send",
-        "_store",
-        "refusal",
-        "response_delay_ns",
-        "scheduler",
-        "silent",
-        "timeout_ns",
-    )
-
     def __init__(
         self, scheduler: Scheduler, store: ObjectStore, send: Callable[[CanFrame], None], *, timeout_ns: int
     ) -> None:
@@ -123,8 +112,6 @@ class SdoChannels:
 
 class _Channel:
     """A server with its identifiers and its timer, which is entered once per timeout, not once per frame."""
-
-    __slots__ = ("_delayed", "_last_ns", "_owner", "_server", "_timer", "answer_id")
 
     def __init__(self, owner: SdoChannels, server: SdoServer) -> None:
         self._owner = owner

@@ -52,23 +52,6 @@ class SdoServer:
 
     """
 
-    __slots__ = (
-        "_block_size",
-        "_buffer",
-        "_crc",
-        "_gap",
-        "_index",
-        "_limit",
-        "_objects",
-        "_offset",
-        "_sequence",
-        "_size",
-        "_state",
-        "_sub",
-        "_toggle",
-        "aborts",
-    )
-
     def __init__(self, objects: ObjectAccess, *, block_size: int = 127) -> None:
         self._objects = objects
         self._block_size = block_size

@@ -74,27 +74,6 @@ class ObjectStore:
 
     """
 
-    __slots__ = (
-        "_indices",
-        "applied",
-        "changed",
-        "commands",
-        "dictionary",
-        "entries",
-        "extra",
-        "foreign",
-        "guards",
-        "on_restore",
-        "on_save",
-        "persist",
-        "read_hooks",
-        "restoring",
-        "stored",
-        "values",
-        "volatile",
-        "write_hooks",
-    )
-
     def __init__(self, dictionary: canopen.ObjectDictionary, node_id: int) -> None:
         self.dictionary = dictionary
         """What the device was made of; its defaults are those of the entries."""

@@ -29,18 +29,6 @@ class HeartbeatWatch:
 
     """
 
-    __slots__ = (
-        "_last_ns",
-        "_on_back",
-        "_on_lost",
-        "_on_state",
-        "_scheduler",
-        "_timeout_ns",
-        "_timer",
-        "lost",
-        "state",
-    )
-
     def __init__(
         self,
         scheduler: Scheduler,
@@ -126,24 +114,6 @@ class NodeGuard:
         on_state: Called with the new state when it changes, and with the first after a loss.
 
     """
-
-    __slots__ = (
-        "_answered_ns",
-        "_ask",
-        "_asked_ns",
-        "_life_ns",
-        "_on_back",
-        "_on_lost",
-        "_on_state",
-        "_period_ns",
-        "_scheduler",
-        "_timer",
-        "_toggle",
-        "_wrong",
-        "lost",
-        "state",
-        "toggle_errors",
-    )
 
     def __init__(
         self,

@@ -31,18 +31,6 @@ class TimeService:
 
     """
 
-    __slots__ = (
-        "_days",
-        "_milliseconds",
-        "_scheduler",
-        "_send",
-        "_set_ns",
-        "_store",
-        "malformed",
-        "on_time",
-        "state",
-    )
-
     def __init__(
         self,
         scheduler: Scheduler,

@@ -52,8 +52,6 @@ class RtuDecoder:
     response.
     """
 
-    __slots__ = ("_asked",)
-
     def __init__(self) -> None:
         self._asked: tuple[int, Request] | None = None
 
@@ -80,8 +78,6 @@ class RtuDecoder:
 
 class TcpDecoder:
     """Decodes the two streams of one connection; any segments."""
-
-    __slots__ = ("_asked", "_client", "_server")
 
     def __init__(self) -> None:
         self._client = TcpSplitter()

@@ -49,8 +49,6 @@ class TcpFrame(NamedTuple):
 class TcpSplitter:
     """Cuts the stream of a connection into frames, however it came in segments (MODB-038)."""
 
-    __slots__ = ("_pending", "broken")
-
     def __init__(self) -> None:
         self._pending = b""
         self.broken = False
@@ -97,8 +95,6 @@ class TcpResponder:
 
     """
 
-    __slots__ = ("_server", "_splitter", "ignored")
-
     def __init__(self, server: ModbusServer) -> None:
         self._server = server
         self._splitter = TcpSplitter()
@@ -139,8 +135,6 @@ class RtuResponder:
         server: What answers; with unit None every unit but 0.
 
     """
-
-    __slots__ = ("_server",)
 
     def __init__(self, server: ModbusServer) -> None:
         self._server = server

@@ -94,8 +94,6 @@ class TcpGateway(Generic[End]):
 class _Passage(Generic[End]):
     """A connection of a gateway."""
 
-    __slots__ = ("_end", "_gateway", "_splitter")
-
     def __init__(self, gateway: TcpGateway[End], end: End) -> None:
         self._gateway = gateway
         self._end = end

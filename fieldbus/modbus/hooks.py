@@ -38,8 +38,6 @@ LinkHook = Callable[[str, bytes, int], Change | None]
 class Hooks:
     """The hooks of a link, asked in the order in which they came; the first that wants a change has it."""
 
-    __slots__ = ("_entries",)
-
     def __init__(self) -> None:
         self._entries: list[tuple[LinkHook]] = []
 

@@ -6,7 +6,7 @@ import tomllib
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -106,7 +106,7 @@ def _shipped(name: str) -> MapFile:
 
 def _parsed(where: str, text: str) -> MapFile:
     try:
-        loaded: dict[str, Any] = tomllib.loads(text)
+        loaded: dict[str, object] = tomllib.loads(text)
         found = MapFile.model_validate(loaded)
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(where, str(error), "TOML") from None

@@ -66,19 +66,6 @@ class Block:
 
     """
 
-    __slots__ = (
-        "count",
-        "maximum",
-        "minimum",
-        "name",
-        "read",
-        "readable",
-        "start",
-        "values",
-        "writable",
-        "write",
-    )
-
     def __init__(
         self,
         start: int,

@@ -117,8 +117,6 @@ class _Run:
 class SerialPort:
     """A station's place on a line. It hears the others, and itself with `echo`."""
 
-    __slots__ = ("_free_ns", "echo", "format", "line", "listener", "name", "online")
-
     def __init__(
         self, line: SerialLine, name: str, listener: SerialListener, format_: SerialFormat, echo: bool
     ) -> None:
@@ -294,20 +292,6 @@ class FrameAssembler:
         lenient: Accept pauses between both times, as many devices do.
 
     """
-
-    __slots__ = (
-        "_buffer",
-        "_damaged",
-        "_last_ns",
-        "_on_frame",
-        "_scheduler",
-        "_talkers",
-        "_timer",
-        "lenient",
-        "overruns",
-        "t15_ns",
-        "t35_ns",
-    )
 
     def __init__(
         self,

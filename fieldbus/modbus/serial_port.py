@@ -154,8 +154,6 @@ class LiveSerialLine:
 class LiveSerialPort:
     """The master's place on the line."""
 
-    __slots__ = ("_line", "format", "name")
-
     def __init__(self, line: LiveSerialLine, name: str) -> None:
         self._line = line
         self.format = line.format

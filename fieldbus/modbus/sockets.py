@@ -28,8 +28,6 @@ _MOST_HANDED_OVER: Final = 64
 class SocketEnd:
     """Our end of a connection."""
 
-    __slots__ = ("_given_up", "_handler", "_lock", "_network", "_socket", "_unsent", "connecting", "open")
-
     def __init__(self, network: SocketNetwork, sock: socket.socket, *, connecting: bool) -> None:
         self._network = network
         self._socket = sock

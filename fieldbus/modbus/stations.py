@@ -171,8 +171,6 @@ class TcpStation(Generic[End]):
 class _Served(Generic[End]):
     """A connection of a station."""
 
-    __slots__ = ("_end", "_responder", "_station")
-
     def __init__(self, station: TcpStation[End], end: End) -> None:
         self._station = station
         self._end = end

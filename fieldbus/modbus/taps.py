@@ -49,8 +49,6 @@ class TappedConnector:
 class _Tap:
     """Both sides of one connection."""
 
-    __slots__ = ("_handler", "_number", "_tapped", "connection")
-
     def __init__(self, tapped: TappedConnector, handler: TcpHandler, number: int) -> None:
         self._tapped = tapped
         self._handler = handler

@@ -187,8 +187,6 @@ class TcpClient(QueuedClient):
 class _Handler:
     """The client at one connection; a connection that it has given up is not heard any more."""
 
-    __slots__ = ("_client", "connection")
-
     def __init__(self, client: TcpClient) -> None:
         self._client: TcpClient | None = client
         self.connection: Connection | None = None

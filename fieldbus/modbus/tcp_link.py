@@ -53,8 +53,6 @@ class Connection(Protocol):
 class TcpEnd:
     """One end of a connection on a virtual link."""
 
-    __slots__ = ("_due_ns", "handler", "link", "name", "number", "open", "peer", "under_way")
-
     def __init__(self, link: TcpLink, name: str, number: int, handler: TcpHandler) -> None:
         self.link = link
         self.name = name
