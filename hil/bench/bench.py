@@ -160,8 +160,7 @@ class Bench:
                 if stop_mm is not None:
                     self.recorder.set_constant(f"{name}.{side}_stop", stop_mm / 1000.0)
 
-    # -- parts
-    # ------------------------------------------------------------------------------------------------
+    # -- parts ----------------------------------------------------------------------------------------------
 
     def axis(self, name: str | None = None) -> AxisHandle:
         """Return an axis by name, or the first one."""
@@ -317,8 +316,7 @@ class Bench:
         """The controller as a CPU: operating states, what it keeps, diagnostics buffer."""
         return self.runtime.controller
 
-    # -- names
-    # ------------------------------------------------------------------------------------------------
+    # -- names ----------------------------------------------------------------------------------------------
 
     @property
     def axis_names(self) -> tuple[str, ...]:
@@ -394,8 +392,7 @@ class Bench:
         """
         return cob_ids(self.config, drive_name)
 
-    # -- time
-    # -------------------------------------------------------------------------------------------------
+    # -- time -----------------------------------------------------------------------------------------------
 
     def run_for(self, seconds: float) -> None:
         """Let `seconds` of bench time pass."""
@@ -447,8 +444,7 @@ class Bench:
         section = self.config.tolerance
         return section.time_s if section.lateness_s is None else section.lateness_s
 
-    # -- evidence
-    # ---------------------------------------------------------------------------------------------
+    # -- evidence -------------------------------------------------------------------------------------------
 
     @property
     def vocabulary(self) -> Vocabulary:
@@ -486,8 +482,7 @@ class Bench:
         return CallLog(self.runtime)
 
     def decode(self, frame: CanFrame | ModbusFrame, *, segment: str | None = None) -> str:
-        """Return the meaning of a frame, by the mapping that the bench, or without axes somebody else, has
-        written.
+        """Return the meaning of a frame, by the PDO mapping that the controller has written.
 
         Args:
             frame: The frame.
@@ -500,8 +495,7 @@ class Bench:
         """
         return self._texts.describe(frame, segment)
 
-    # -- end
-    # --------------------------------------------------------------------------------------------------
+    # -- end ------------------------------------------------------------------------------------------------
 
     def release_drives(self) -> None:
         """Stop the controller and disable every drive that it leads; two cycles of SYNC make it act."""

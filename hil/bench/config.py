@@ -144,8 +144,7 @@ class BenchConfig(Table):
             return drive.station(axis.drive, self.station)
         return axis.inputs
 
-    # -- checks between tables
-    # ---------------------------------------------------------------------------------
+    # -- checks between tables ------------------------------------------------------------------------------
 
     @model_validator(mode="after")
     def _fits_together(self) -> BenchConfig:

@@ -110,8 +110,7 @@ class ControlSystem:
             else:
                 self._runtime.after_cycle.append(port.read)
 
-    # -- axes
-    # -------------------------------------------------------------------------------------------------
+    # -- axes -----------------------------------------------------------------------------------------------
 
     def _add_axis(self, name: str, section: AxisTable) -> None:
         config = self._config
@@ -224,8 +223,7 @@ class ControlSystem:
         group = self._recorder.add_group(name, part.trace_columns, part.trace_row, enums=part.trace_enums)
         self._runtime.after_cycle.append(group.sample)
 
-    # -- operation
-    # --------------------------------------------------------------------------------------------
+    # -- operation ------------------------------------------------------------------------------------------
 
     def start(self) -> None:
         """Commission the drives and wait for the cyclic link.

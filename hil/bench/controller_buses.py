@@ -49,7 +49,7 @@ class ControllerBuses:
     def lead(self) -> None:
         """Send SYNC and heartbeat where the bench is the controller.
 
-        Where there is no axis the controller is somebody else: the bench listens, and talks only as a fault.
+        On a bench without axes another program is the controller: the bench listens, and sends only faults.
         """
         config = self._config
         led = [config.drive[section.drive] for section in config.axis.values()]

@@ -55,7 +55,7 @@ class DriveHost:
         origin_ns: Value of the monotonic clock that is time zero; None: now.
         seed: Seed of the drives' random streams.
         record: Whether frames, signals and events are kept for `execute("fetch")`. Without a record the
-            host may run for weeks; `history` then tells its listeners and forgets.
+            host may run for weeks; `history` then calls its listeners and keeps nothing.
 
     Raises:
         BusError: A bus cannot be opened.
@@ -111,7 +111,7 @@ class DriveHost:
                 name=name,
                 history=self.history,
                 keep_log=keep_log,
-                # A drive goes on living when its bus is down, or nobody is there to acknowledge.
+                # A drive keeps running when its bus is down, or no node acknowledges.
                 lossy=True,
             )
 
@@ -251,8 +251,7 @@ class DriveServer:
                     self._waiting.put(command)
                     continue
             host.scheduler.post(partial(self._serve, host, command))
-        # Nobody is at the other end any more, killed perhaps: the drives leave the bus, whatever they are
-        # doing.
+        # The bench has ended, perhaps killed: the drives leave the bus, whatever they are doing.
         self._waiting.put(None)
         with self._lock:
             if self._host is not None:

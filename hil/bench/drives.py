@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 from hil.bench.drive_config import CanDriveTable, ProfidriveCanTable, servo_eds
-from hil.bench.signal_words import signal_words
+from hil.bench.signal_texts import signal_words
 
 if TYPE_CHECKING:
     import canopen

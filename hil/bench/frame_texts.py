@@ -1,4 +1,4 @@
-"""Frames of a bench as text, also where somebody else has set up the drives."""
+"""Frames of a bench as text, also if another controller has configured the drives."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from fieldbus.modbus import ModbusFrame
     from hil.bench.config import BenchConfig
     from hil.bench.drive_ports import DrivePorts
-    from hil.bench.modbus_words import ModbusWords
+    from hil.bench.modbus_texts import ModbusTexts
     from hil.bench.segments import Segments
 
 _TEACHING: Final = (0x580, 0x600, 0x700)
@@ -22,8 +22,8 @@ _TEACHING: Final = (0x580, 0x600, 0x700)
 
 
 class FrameTexts:
-    """Describes the frames of a bench, by the mapping that the bench has written, or without axes somebody
-    else.
+    """Describes the frames of a bench by the PDO mapping: the one that the bench has written, or on a bench
+    without axes the one that another controller has written.
 
     Args:
         config: The bench file.
@@ -37,7 +37,7 @@ class FrameTexts:
         self._segments = segments
         self._ports = ports
         self._can: dict[str | None, CanTexts] = {}
-        self._modbus: ModbusWords | None = None
+        self._modbus: ModbusTexts | None = None
 
     def describe(self, frame: CanFrame | ModbusFrame, segment: str | None) -> str:
         """Return the meaning of a frame.
@@ -55,10 +55,10 @@ class FrameTexts:
                 self._can[segment] = self._make_can(segment)
             return self._can[segment].describe(frame)
         if self._modbus is None:
-            from hil.bench.modbus_words import ModbusWords
+            from hil.bench.modbus_texts import ModbusTexts
 
-            self._modbus = ModbusWords(self._config)
-        return self._modbus.decode(frame, segment=segment)
+            self._modbus = ModbusTexts(self._config)
+        return self._modbus.describe(frame, segment=segment)
 
     def _make_can(self, segment: str | None) -> CanTexts:
         from hil.bench.drives import build_decoder
@@ -79,8 +79,8 @@ class CanTexts:
     Args:
         build: Makes a decoder that knows names, dictionaries and the mapping that the bench itself has
             commissioned.
-        logs: Logs of segments whose drives somebody else commissions: PDOs are described by the mapping
-            that has been written there up to now, whatever the order in which frames are asked for.
+        logs: Logs of segments whose drives another controller configures: PDOs are described by the latest
+            mapping in the log, in whatever order frames are described.
 
     """
 

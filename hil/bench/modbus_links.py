@@ -89,8 +89,7 @@ class ModbusSegment:
         self._ports: list[ProfidriveModbusPort] = []
         self._recorded = False
 
-    # -- making the ways
-    # --------------------------------------------------------------------------------------
+    # -- making the ways ------------------------------------------------------------------------------------
 
     def attach(self, name: str, device: ModbusDevice) -> None:
         """Put an emulated drive on the virtual network or line."""
@@ -168,7 +167,7 @@ class ModbusSegment:
         return None
 
     def request_ns(self) -> int:
-        """Return how long a request for actual values is on its way to a drive, ns; 0 where nobody knows."""
+        """Return how long a request for actual values takes to a drive, ns; 0 on a live segment."""
         if self.link() is None:
             return 0
         if isinstance(self.table, TcpTable):
@@ -196,8 +195,7 @@ class ModbusSegment:
 
         return end
 
-    # -- evidence
-    # -----------------------------------------------------------------------------------------------------
+    # -- evidence -------------------------------------------------------------------------------------------
 
     @property
     def log(self) -> list[LogEntry]:

@@ -17,7 +17,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from fieldbus.clock import S
 from fieldbus.errors import HilError
@@ -38,10 +38,23 @@ _READY_TIMEOUT_NS: Final = 60 * S
 _REPLY_TIMEOUT_NS: Final = 10 * S
 
 
-class RemoteDrive:
-    """Stands for a drive or an encoder in the drive process: the fault interface and nothing else."""
+class DriveCalls(Protocol):
+    """Calls methods of the devices in the drive process."""
 
-    def __init__(self, remote: RemoteDevices, name: str, methods: frozenset[str]) -> None:
+    def call(
+        self,
+        method: str,
+        drive: str | None,
+        args: Sequence[Any] = (),
+        kwargs: Mapping[str, Any] | None = None,
+    ) -> Any:
+        """Call a method of a device; returns its result, or None within a callback."""
+
+
+class RemoteDrive:
+    """Stands for a drive, an encoder or a device in the drive process: its fault interface."""
+
+    def __init__(self, remote: DriveCalls, name: str, methods: frozenset[str]) -> None:
         self._remote = remote
         self._methods = methods
         self.name = name
@@ -62,7 +75,7 @@ class RemoteDrive:
 class RemoteParameters:
     """Stands for the parameters of a PROFIdrive axis in the drive process; see `DriveParameters`."""
 
-    def __init__(self, remote: RemoteDevices, name: str) -> None:
+    def __init__(self, remote: DriveCalls, name: str) -> None:
         self._remote = remote
         self._name = name
 
@@ -119,7 +132,7 @@ class DriveProcess:
         self._reader.start()
 
     def serve(self, scheduler: Scheduler | None) -> None:
-        """Hand replies over to `scheduler` from now on; None: to nobody."""
+        """Hand replies over to `scheduler` from now on; None: discard them."""
         self.replies.clear()
         self._post = None if scheduler is None else scheduler.post
 
@@ -147,7 +160,7 @@ class DriveProcess:
         self.gone = True
         post = self._post
         if post is not None:
-            post(_nothing)  # wakes whoever waits for a reply
+            post(_nothing)  # wakes a call that waits for a reply
 
     def end(self) -> None:
         """End the process."""
@@ -257,7 +270,7 @@ class RemoteDevices:
         return reply.get("result")
 
     def fetch(self) -> None:
-        """Bring the drives' records over."""
+        """Get the records of the drive process."""
         if self._process.gone:
             return
         result = self.call("fetch", None)

@@ -143,8 +143,7 @@ class Segments:
             except BusError as error:
                 raise BlockedError(str(error)) from error
 
-    # -- evidence
-    # ---------------------------------------------------------------------------------------------
+    # -- evidence -------------------------------------------------------------------------------------------
 
     def record_frames(self, recorder: Recorder, after_cycle: list[Callable[[], object]]) -> None:
         """Record the frames of all segments, and the load of those on CAN once per cycle."""
@@ -165,8 +164,7 @@ class Segments:
             if columns:
                 after_cycle.append(recorder.add_group(name, columns, modbus.row).sample)
 
-    # -- end
-    # --------------------------------------------------------------------------------------------------
+    # -- end ------------------------------------------------------------------------------------------------
 
     def leave(self) -> None:
         """End the services of the controller on the buses."""

@@ -1,4 +1,4 @@
-"""A PROFIdrive drive that no axis moves, led by a test through the words of its telegram.
+"""A PROFIdrive drive without an axis: the test writes and reads the signals of its telegram.
 
     master = bench.telegram("drive1")
     master.send(STW1=0x047E)
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 
 
 class TelegramMaster:
-    """Leads a drive by the signals of its telegram.
+    """Controls a drive by the signals of its telegram.
 
     Args:
-        port: Carries the telegram; who owns this calls `cycle` once per application cycle.
+        port: Carries the telegram; `cycle` has to be called once per application cycle.
 
     """
 

@@ -1,4 +1,6 @@
-"""The words that a recording of a bench may hold: components, states, jobs, alarms, kinds of faults."""
+"""The names and values that a recording of a bench can hold: components, states, jobs, alarms, kinds of
+faults.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,8 @@ if TYPE_CHECKING:
 
 
 @cache
-def _fixed_words() -> dict[str, tuple[Scalar, ...]]:
-    """Return the words that are the same on every bench."""
+def _fixed_values() -> dict[str, tuple[Scalar, ...]]:
+    """Return the values that are the same on every bench."""
     from hil.faults import CATALOGUE
     from motion.s7 import instructions
     from motion.s7.alarms import catalogue
@@ -41,13 +43,13 @@ def bench_vocabulary(
     declared: Iterable[str],
     drives: Mapping[str, str],
 ) -> Vocabulary:
-    """Return the words of a bench as it is now.
+    """Return the names and values of a bench as it is now.
 
     Args:
         components: Names of everything that can be the source of an event.
         jobs: Names of the instances of instructions that there are.
         events: Log so far; it has the names of jobs that are over.
-        declared: Kinds of events that parts of one's own will emit.
+        declared: Kinds of events of user-defined parts.
         drives: Axes and the drives that move them.
 
     """
@@ -57,7 +59,7 @@ def bench_vocabulary(
             names[entry.data["job"]] = None
     return Vocabulary(
         tuple(components),
-        {**_fixed_words(), "job.:job": tuple(names)},
+        {**_fixed_values(), "job.:job": tuple(names)},
         declared=tuple(sorted(declared)),
         drives=dict(drives),
     )

@@ -177,7 +177,7 @@ def test_telegrams_are_told_in_words_on_every_bus(name):
 )
 def test_a_control_word_says_what_it_asks_for(word, text):
     """OFF2 goes before OFF3, OFF3 before OFF1, as in the drive (PD-114)."""
-    from hil.bench.signal_words import command
+    from hil.bench.signal_texts import command
 
     assert command(word) == text
 
@@ -185,9 +185,9 @@ def test_a_control_word_says_what_it_asks_for(word, text):
 def test_a_signal_that_stands_in_two_frames_is_told_in_parts():
     """Of a double word half of which is in the next PDO the words are named."""
     from fieldbus.profidrive import Layout
-    from hil.bench.signal_words import SignalWords
+    from hil.bench.signal_texts import SignalTexts
 
-    words = SignalWords(
+    words = SignalTexts(
         Layout(["ZSW1", "NIST_B", "M_ACT", "G1_XIST1"]), reference_speed_rpm=3000.0, reference_torque_nm=2.0
     )
     assert words.describe(0, [0x0208, 0x2000]) == [

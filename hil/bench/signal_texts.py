@@ -1,5 +1,5 @@
-"""Signals of PROFIdrive telegrams in words: hexadecimal and what it means, normalised values in percent and
-in their unit.
+"""Signals of PROFIdrive telegrams as text: hexadecimal with the meaning of the bits, normalised values in
+percent and in their unit.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ def state(zsw1: int) -> str:
     return ", ".join([text, *extras, *([] if zsw1 & 0x0200 else ["no control requested"])])
 
 
-class SignalWords:
-    """Describes the words of one direction of a telegram.
+class SignalTexts:
+    """Describes the process data words of one direction of a telegram.
 
     Args:
         layout: Which signal stands where.
@@ -111,9 +111,9 @@ class SignalWords:
         return f"{raw} ({text})"
 
 
-def signal_words(drive: ProfidriveCanTable | ProfidriveModbusTable, layout: Layout) -> SignalWords:
+def signal_words(drive: ProfidriveCanTable | ProfidriveModbusTable, layout: Layout) -> SignalTexts:
     """Return the texts for one direction of the telegram of a drive."""
-    return SignalWords(
+    return SignalTexts(
         layout,
         reference_speed_rpm=drive.reference_speed_rpm,
         reference_torque_nm=drive.reference_torque_nm,

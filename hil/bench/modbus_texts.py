@@ -1,6 +1,4 @@
-"""Frames of Modbus segments in words: who is meant, what is asked, and the telegram that stands in the
-registers.
-"""
+"""Frames of Modbus segments as text: drive, request or response, and the telegram in the registers."""
 
 from __future__ import annotations
 
@@ -11,7 +9,7 @@ from fieldbus.modbus import Function
 from fieldbus.modbus.pdu import decode_request, decode_response, is_well_formed
 from fieldbus.modbus.server import SERVED
 from hil.bench.drive_config import ProfidriveModbusTable
-from hil.bench.signal_words import signal_words
+from hil.bench.signal_texts import signal_words
 
 if TYPE_CHECKING:
     from fieldbus.modbus import ModbusFrame, ProcessDataRegisters
@@ -21,7 +19,7 @@ if TYPE_CHECKING:
 _WRITES: Final = (Function.WRITE_MULTIPLE_REGISTERS, Function.READ_WRITE_MULTIPLE_REGISTERS)
 
 
-class ModbusWords:
+class ModbusTexts:
     """Describes frames.
 
     Args:
@@ -39,7 +37,7 @@ class ModbusWords:
                 for segment in (drive.segment, ""):
                     self._drives.setdefault((segment, drive.unit), []).append((name, drive, registers))
 
-    def decode(self, frame: ModbusFrame, *, segment: str | None = None) -> str:
+    def describe(self, frame: ModbusFrame, *, segment: str | None = None) -> str:
         """Return the meaning of `frame`."""
         text = frame.text()
         drives = self._drives.get((segment or "", frame.can_id), [])
@@ -68,7 +66,7 @@ class ModbusWords:
     def _signals(
         drive: ProfidriveModbusTable, layout: Layout, registers: ProcessDataRegisters, values: tuple[int, ...]
     ) -> str:
-        """Return the signals of a telegram in words."""
+        """Return the signals of a telegram as text."""
         if len(values) != layout.words:
             return ""
         data = registers.frame(values, setpoints=layout is registers.telegram.setpoint)
