@@ -625,7 +625,9 @@ class FrameSegment(Part, Protocol):
 class BusSegment(FrameSegment, Protocol):
     """A CAN segment with a bit rate, virtual or live."""
 
-    bitrate: int
+    @property
+    def bitrate(self) -> int | None:
+        """Bit rate, bit/s; None: not known."""
 
     def withdraw(self, sender: str, /) -> None:
         """Take back what a foreign node still wants to send."""
@@ -641,6 +643,10 @@ class SegmentWithNodes(FrameSegment, Protocol):
 
 class VirtualSegment(BusSegment, Protocol):
     """A CAN segment in virtual time, with the seams of the wire."""
+
+    @property
+    def bitrate(self) -> int:
+        """Bit rate, bit/s."""
 
     @property
     def ports(self) -> Sequence[CanPort]:
@@ -741,8 +747,9 @@ class SerialWire(Protocol):
 class ModbusSegment(Part, Protocol):
     """A network or a serial line."""
 
-    kind: str
-    """`modbus_tcp` or `modbus_rtu`."""
+    @property
+    def kind(self) -> str:
+        """`modbus_tcp` or `modbus_rtu`."""
 
     @property
     def server_names(self) -> tuple[str, ...]:

@@ -40,6 +40,13 @@ def _segment(injection: Injection) -> BusSegment:
     return segment
 
 
+def _bitrate(injection: Injection, segment: BusSegment) -> int:
+    """Return the bit rate of a segment, bit/s."""
+    if segment.bitrate is None:
+        injection.refuse(f"the bit rate of {segment.name} is not known")
+    return segment.bitrate
+
+
 def _virtual(injection: Injection) -> VirtualSegment:
     """Return the segment that is meant, checked: virtual."""
     segment = _segment(injection)
@@ -230,7 +237,7 @@ def _babble(injection: Injection) -> Action:
         parse_payload(injection.kind.name, values),
         extended=values.flag("extended"),
     )
-    frame_ns = frame_time_ns(frame, segment.bitrate)
+    frame_ns = frame_time_ns(frame, _bitrate(injection, segment))
     timer: Timer | None = None
 
     if offers(segment, VirtualSegment):
@@ -279,7 +286,7 @@ def _load(injection: Injection) -> Action:
     the load.
     """
     segment, scheduler, values = _segment(injection), injection.bench.scheduler, injection.values
-    share = values.number("load_percent") / 100.0
+    share, bitrate = values.number("load_percent") / 100.0, _bitrate(injection, segment)
     lowest_id, highest_id = values.integer("lowest_id"), values.integer("highest_id")
     shortest, longest = values.integer("shortest"), values.integer("longest")
     extended = values.flag("extended")
@@ -307,7 +314,7 @@ def _load(injection: Injection) -> Action:
         now = scheduler.now
         if now - due_ns > _CATCH_UP_NS:
             due_ns = now
-        due_ns += round(frame_time_ns(frame, segment.bitrate) / share)
+        due_ns += round(frame_time_ns(frame, bitrate) / share)
         timer = scheduler.at(max(due_ns, now), send)
 
     def stop() -> None:

@@ -16,7 +16,15 @@ from emulators.drive.profidrive.second_encoder import SecondEncoder
 from emulators.drive.stepper_can import StepperCanDrive
 from emulators.encoder.cia406.encoder import CiA406Encoder
 from emulators.encoder.profidrive.can import ProfidriveCanEncoder
+from emulators.io import ModbusIoStation
+from fieldbus.can import CanMedium
+from fieldbus.can.live import LiveSegment
+from hil.bench.bench import Bench
+from hil.bench.modbus_links import ModbusSegment
 from hil.faults import CATALOGUE, seams
+from motion.drives.profidrive_can import ProfidriveCanPort
+from motion.drives.profidrive_modbus import ProfidriveModbusPort
+from motion.s7.controller import Controller
 
 
 class CiA402DriveSeams(
@@ -320,6 +328,46 @@ def _typed(
 ]:
     """Never called: the type checker compares the signatures."""
     return p0, p1, p2, p3, p4, p5, p6, p7
+
+
+def _typed_parts(
+    medium: CanMedium,
+    live: LiveSegment,
+    modbus: ModbusSegment,
+    station: ModbusIoStation,
+    controller: Controller,
+    on_can: ProfidriveCanPort,
+    on_modbus: ProfidriveModbusPort,
+) -> tuple[
+    seams.VirtualSegment,
+    seams.BridgedSegment,
+    seams.SegmentWithKernelGateway,
+    seams.ModbusSegment,
+    seams.IoStation,
+    seams.ProgrammedController,
+    seams.TelegramPort,
+    seams.TelegramPort,
+]:
+    """Never called: the type checker compares the signatures."""
+    return medium, live, live, modbus, station, controller, on_can, on_modbus
+
+
+def _typed_bench(
+    bench: Bench,
+) -> tuple[
+    seams.BenchWithEncoders,
+    seams.BenchWithSecondEncoders,
+    seams.BenchWithStations,
+    seams.BenchWithController,
+    seams.BenchWithPorts,
+    seams.BenchWithSegments,
+    seams.BenchWithNodes,
+    seams.BenchWithComponents,
+    seams.BenchWithAxes,
+    seams.BenchWithVocabulary,
+]:
+    """Never called: the type checker compares the signatures."""
+    return bench, bench, bench, bench, bench, bench, bench, bench, bench, bench
 
 
 DEVICES = ("drive", "switch", "mechanics", "encoder")
