@@ -81,7 +81,7 @@ def _needed(kind: FaultType) -> str:
         return ""
     part = {"station": "station", "encoder": "encoder or drive"}.get(kind.target, "drive")
     methods = ", ".join(f"`{name}()`" for name in members(kind.effect.needs))
-    return f"The {part} has to offer {methods}.\n"
+    return f"\nThe {part} has to offer {methods}.\n"
 
 
 def _table(parameters: tuple[Parameter, ...]) -> str:
