@@ -143,8 +143,8 @@ class ControlSystem:
         place = config.inputs_of_axis(name)
         if place is not None:
             axis.station_inputs = config.station[place].axis_inputs(section.drive, self.links[place])
-        if axis.position is not None:
-            axis.position.hardware.in_servo = section.inputs_update == "servo"
+        if section.inputs_update != "servo":
+            axis.read_limits_with_program()
         axis.homing_input = SWITCHES[section.homing_input]
         axis.enabling.timeout_s = section.enable_timeout_s
         on_motor = encoders is None and axis.has_position and variables.get("Sensor[1].System", 1) == 1

@@ -62,18 +62,18 @@ class Program:
         """Call every instance and function once."""
         self.count += 1
         for axis in self._axes:
-            position = axis.position
-            if position is not None and not position.hardware.in_servo:
-                position.hardware.update_image()
-        if self._dormant:
-            self._wake()
+            if axis.image_limits is not None:
+                axis.image_limits.update_image()
+        for one in self._dormant:
+            if not one.Execute:
+                self._wake()
+                break
         for instance in self.calls:
             instance()
 
     def _wake(self) -> None:
         """Call those again that were not called and whose `Execute` has fallen."""
         woken = [one for one in self._dormant if not one.Execute]
-        if woken:
-            # In front: they are older than what the program has got since, as a rule.
-            self._dormant = [one for one in self._dormant if one.Execute]
-            self.calls = [*woken, *self.calls]
+        self._dormant = [one for one in self._dormant if one.Execute]
+        # In front: they are older than what the program has got since, as a rule.
+        self.calls = [*woken, *self.calls]

@@ -272,6 +272,8 @@ class TechnologyAxis(TechnologyObject):
         )
         self.position = None if monitoring is None else self._position_parts(monitoring)
         """Monitoring and limits of travel; None without positions."""
+        self.image_limits: HardwareLimits | None = None
+        """Its limit switches, where they are inputs of the process image of the program (LIM-025)."""
         self._status = StatusWords(
             store,
             self.engine,
@@ -296,7 +298,7 @@ class TechnologyAxis(TechnologyObject):
                 servo=servo,
                 motion=self.motion,
                 torque=self.torque,
-                status_word=lambda: self._status.word(control_panel=self.master is not None),
+                status_word=lambda: self._status.word(self.master),
                 status_word2=self._status.word2,
                 execution_s=self.setpoint_execution_s,
                 leading_value=self._present_leading_value,
@@ -616,6 +618,12 @@ class TechnologyAxis(TechnologyObject):
     def forget_encoders(self) -> None:
         self.servo.sensors = ()
 
+    def read_limits_with_program(self) -> None:
+        """Read the hardware limit switches with the call of the program, not in the servo cycle (LIM-025)."""
+        if self.position is not None:
+            self.image_limits = self.position.hardware
+            self.image_limits.in_servo = False
+
     # -- homing
 
     def home(self, mode: int, position: float, sensor: int = 0) -> None:
@@ -814,8 +822,9 @@ class TechnologyAxis(TechnologyObject):
         if self._resets:
             self._step_resets()
         enabling.step()
-        for homing in self.homings[:] if self.homings else ():
-            homing.step()
+        if self.homings:
+            for homing in self.homings[:]:
+                homing.step()
         motion = self.motion
         fine = servo.fine
         if fine is not None and servo.controlled and not command.switching_off:
@@ -870,7 +879,7 @@ class TechnologyAxis(TechnologyObject):
         if self._leading is not None:
             self._leading.step()
         status = self._status
-        self.status_word = status.word(control_panel=self.master is not None)
+        self.status_word = status.word(self.master)
         self.status_word2 = status.word2()
         self._error_word_shown = self.engine.error_word
 
@@ -882,7 +891,7 @@ class TechnologyAxis(TechnologyObject):
         if engine.error_word != self._error_word_shown:
             # An instruction has raised an alarm after the cycle: the words of one row belong together
             # (DIA-110).
-            self.status_word = self._status.word(control_panel=self.master is not None)
+            self.status_word = self._status.word(self.master)
             self._error_word_shown = engine.error_word
         total = servo.total
         if servo.fine is None or not servo.controlled:
@@ -892,12 +901,14 @@ class TechnologyAxis(TechnologyObject):
         port = servo.port
         command = self.command
         position = self.position
-        following_error = filtered = balanced = difference = permitted = additive = 0.0
-        if position is not None:
+        if position is None:
+            following_error = filtered = balanced = difference = permitted = additive = 0.0
+        else:
             controller = servo.controller
             following_error = controller.following_error
             filtered = s if controller.filter is None else controller.filter.position
-            balanced, difference = controller.balanced_position, controller.control_difference
+            balanced = controller.balanced_position
+            difference = controller.control_difference
             permitted = position.monitoring.permitted_following_error(total.v)
             additive = self.torque.total_additive_nm
         return (

@@ -105,6 +105,7 @@ class HardwareLimits:
 
     __slots__ = (
         "_alarms",
+        "_all_variables",
         "_barred",
         "_behaviour",
         "_data_blocks",
@@ -163,6 +164,7 @@ class HardwareLimits:
         for switch in self._switches:
             switch.begin()
         self._variables = any(one.is_variable for one in self._switches)
+        self._all_variables = all(one.is_variable for one in self._switches)
         self._image: int | None = None
         self.reversing = False
         """Active homing turns round at the switches: they are shown, and there is no alarm (HOM-109)."""
@@ -217,12 +219,6 @@ class HardwareLimits:
                     inputs = inputs | switch.mask if on else inputs & ~switch.mask
         return inputs
 
-    def _readable(self) -> bool:
-        """Whether the levels mean something: not those of a drive that is lost."""
-        return self._servo.port.link_ok or (
-            self._variables and self.negative.is_variable and self.positive.is_variable
-        )
-
     # -- what they mean
     # ---------------------------------------------------------------------------------------
 
@@ -236,8 +232,8 @@ class HardwareLimits:
                 self._barred = 0
             return
         velocity = self._commanded_velocity()
-        if not self._readable():
-            return
+        if not self._servo.port.link_ok and not self._all_variables:
+            return  # the levels of a drive that is lost mean nothing
         inputs = self._inputs()
         met = None
         for switch in self._switches:

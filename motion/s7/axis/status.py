@@ -113,8 +113,8 @@ class StatusWords:
         self._homings = homings
         self._position = position
 
-    def word(self, *, control_panel: bool) -> int:
-        """Return `StatusWord` for the present cycle; `control_panel`: one has the axis."""
+    def word(self, master: object | None) -> int:
+        """Return `StatusWord` for the present cycle; `master`: the control panel that has the axis."""
         states = self._states
         servo = self._servo
         facts = states.facts
@@ -123,7 +123,7 @@ class StatusWords:
             word |= ERROR
         if self._variables.online_start_values_changed:
             word |= ONLINE_START_VALUES_CHANGED
-        if control_panel:
+        if master is not None:
             word |= CONTROL_PANEL
         elif facts.quiet:
             word |= DONE

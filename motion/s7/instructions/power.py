@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 from motion.s7.axis.jobs import (
     ERROR_ALARM,
@@ -13,6 +13,10 @@ from motion.s7.axis.jobs import (
     NO_ERROR,
 )
 from motion.s7.instructions.base import Instruction
+
+
+_STOP_MODES: Final = (0, 1, 2, 3)
+_START_MODES: Final = (0, 1)
 
 
 class MC_Power(Instruction):
@@ -53,18 +57,12 @@ class MC_Power(Instruction):
         enabling = axis.enabling
         self._stale = self._stale and bool(self.Enable)
         enable = bool(self.Enable) and not self._stale
-        rising = enable and not enabling.enable
-        wrong_stop = self.StopMode not in (0, 1, 2, 3) and axis.object_type != "ExternalEncoder"
-        wrong_start = self.StartMode not in (0, 1) and axis.has_position
-        # A wrong mode prevents the enabling, never the disabling; the start mode matters only at the rising
-        # edge.
-        wrong = ERROR_STOP_MODE if wrong_stop else ERROR_MODE if wrong_start and rising else NO_ERROR
-        if not (wrong and rising):
-            enabling.call(
-                enable=enable,
-                start_mode=enabling.start_mode if wrong_start else self.StartMode,
-                stop_mode=0 if wrong_stop else self.StopMode,
-            )
+        start_mode, stop_mode = self.StartMode, self.StopMode
+        wrong = NO_ERROR
+        if stop_mode in _STOP_MODES and start_mode in _START_MODES:
+            enabling.call(enable=enable, start_mode=start_mode, stop_mode=stop_mode)
+        else:
+            wrong = self._call_with_wrong_mode(enable)
         self.Status = enabling.enabled
         self.Busy = enabling.busy
         alarmed = enabling.alarmed
@@ -72,6 +70,25 @@ class MC_Power(Instruction):
         self.ErrorID = ERROR_ALARM if alarmed else NO_ERROR
         if wrong:
             self._fail(wrong)
+
+    def _call_with_wrong_mode(self, enable: bool) -> int:
+        """Enable or disable with a mode that does not exist; returns the ErrorID.
+
+        A wrong mode prevents the enabling, never the disabling; the start mode matters only at the rising edge.
+        """
+        axis = self.axis
+        enabling = axis.enabling
+        rising = enable and not enabling.enable
+        wrong_stop = self.StopMode not in _STOP_MODES and axis.object_type != "ExternalEncoder"
+        wrong_start = self.StartMode not in _START_MODES and axis.has_position
+        wrong = ERROR_STOP_MODE if wrong_stop else ERROR_MODE if wrong_start and rising else NO_ERROR
+        if not (wrong and rising):
+            enabling.call(
+                enable=enable,
+                start_mode=enabling.start_mode if wrong_start else self.StartMode,
+                stop_mode=0 if wrong_stop else self.StopMode,
+            )
+        return wrong
 
     def _fail(self, error_id: int) -> None:
         self.Error = True
