@@ -67,7 +67,6 @@ if TYPE_CHECKING:
     from motion.drives.profidrive import TelegramConfig
     from motion.drives.profidrive_can import ProfidriveCanPort
     from motion.drives.profidrive_modbus import ProfidriveModbusPort
-    from motion.drives.tm_pto import TmPtoPort
 
 SWITCHES: Final = ("negative_limit", "positive_limit", "home", "probe1", "probe2")
 """Terminals of every drive with a machine that a digital input of a station can be wired to."""
@@ -1036,13 +1035,14 @@ class _PulseTable(_NodeTable):
         """Return the object dictionary of the module, shared and read-only."""
         return _profidrive_dictionary()
 
-    def build_port(self, site: PortSite) -> TmPtoPort:
+    def build_port(self, site: PortSite) -> ProfidriveCanPort:
         """Return the controller's port to the module."""
-        from motion.drives.tm_pto import PtoWords, TmPtoConfig, TmPtoPort
+        from motion.drives.profidrive_can import ProfidriveCanConfig
+        from motion.drives.tm_pto import pto_words, pulse_module_port
 
-        words = PtoWords(variant=self.telegram_variant, reference_speed_rpm=self.reference_speed_rpm)
-        config = TmPtoConfig(words=words, **self.port_arguments(site.bench))
-        return TmPtoPort(site.masters[self.segment], config, name=site.name, history=site.history)
+        words = pto_words(variant=self.telegram_variant, reference_speed_rpm=self.reference_speed_rpm)
+        config = ProfidriveCanConfig(words=words, **self.port_arguments(site.bench))
+        return pulse_module_port(site.masters[self.segment], config, name=site.name, history=site.history)
 
     @property
     def telegram_variant(self) -> Literal["device", "standard"]:

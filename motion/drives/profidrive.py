@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from struct import Struct
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Literal
 
 from fieldbus.errors import ConfigurationError
-from fieldbus.profidrive import Telegram, telegram
+from fieldbus.profidrive import Telegram, pto_telegram, telegram
 from fieldbus.profidrive.formats import N2_ONE, N4_ONE, from_n2, to_kpc, to_n2, to_n4
 from fieldbus.profidrive.sign_of_life import SignWatch, next_sign
 from fieldbus.profidrive.words import G_STW, G_ZSW, MELDW, SIGN_OF_LIFE_SHIFT, STW1
@@ -75,6 +75,8 @@ class TelegramConfig:
         sign_tolerance: Wrong values of the drive's counter in a row that are tolerated (PD-132).
         isochronous: Whether the drive works in the clock of the bus: without it there is no dynamic servo
             control (PD-198).
+        pulse_module: Telegram 3 of a pulse module: `device` with a 16-bit setpoint, `standard` with one of 32
+            bits, STW2 0 in both; None = a PROFIdrive axis.
 
     Raises:
         ConfigurationError: The telegram is none of these, or has no sign of life.
@@ -89,16 +91,34 @@ class TelegramConfig:
     sign_of_life: bool = True
     sign_tolerance: int = 3
     isochronous: bool = True
+    pulse_module: Literal["device", "standard"] | None = None
 
     def __post_init__(self) -> None:
+        if self.pulse_module is not None:
+            self._check_pulse_module()
+            return
         known = (*SPEED_TELEGRAMS, *WORD_TELEGRAMS)
         if self.telegram not in known:
             raise ConfigurationError("drive.telegram", self.telegram, ", ".join(map(str, sorted(known))))
         if self.sign_of_life and not self.build().isochronous:
             raise ConfigurationError("drive.telegram", self.telegram, "one with a sign of life (CFG-190)")
 
+    def _check_pulse_module(self) -> None:
+        facts = (
+            ("telegram", self.telegram, 3),
+            ("torque_telegram", self.torque_telegram, False),
+            ("sign_of_life", self.sign_of_life, False),
+        )
+        for name, value, needed in facts:
+            if value != needed:
+                raise ConfigurationError(f"pulse module, {name}", value, str(needed))
+        if self.pulse_module not in ("device", "standard"):
+            raise ConfigurationError("pulse module, variant", self.pulse_module, "device, standard")
+
     def build(self) -> Telegram:
         """Return the telegram, with its supplements."""
+        if self.pulse_module == "device":
+            return pto_telegram()
         chosen = telegram(self.telegram)
         if self.torque_telegram:
             chosen = chosen.with_supplement()
@@ -221,7 +241,8 @@ class ProfidrivePort(LinkedPort):
     def _place_outputs(self, place: dict[str, int]) -> None:
         """Find the words of every cycle; those that are missing in `place` stay as they are."""
         self._nsoll_at = place.get("NSOLL_A" if self._narrow else "NSOLL_B", -1)
-        self._stw2_at = place.get("STW2", -1)
+        # The sign of life of a pulse module has to be 0, in the standard variant too.
+        self._stw2_at = place.get("STW2", -1) if self._words.pulse_module is None else -1
         self._g1_at = place.get("G1_STW", -1)
 
     def set_reference(self, speed_rpm: float, torque_nm: float) -> None:

@@ -12,7 +12,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from struct import Struct
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
+
+from typing_extensions import override
 
 from fieldbus.can.timing import FrameMaker
 from fieldbus.canopen.node_setup import PdoSetup
@@ -53,6 +55,20 @@ class ProfidriveCanConfig(CanopenNodeConfig):
             raise ConfigurationError("drive.node_id", self.node_id, "1..95 with a telegram of four TPDOs")
 
 
+class ControlSteps(Protocol):
+    """What stands between the control word of the axis and that of the telegram."""
+
+    def word(self, stw1: int, *, link_ok: bool, zsw1: int) -> int:
+        """Return control word 1 of the telegram.
+
+        Args:
+            stw1: Control word 1 of the axis.
+            link_ok: Telegrams of the device arrive.
+            zsw1: Its last status word 1.
+
+        """
+
+
 class ProfidriveCanPort(ProfidrivePort):
     """See the module.
 
@@ -61,11 +77,21 @@ class ProfidriveCanPort(ProfidrivePort):
         config: Facts about the drive.
         name: Name of the drive in the history.
         history: Log for link and drive events; None for none.
+        steps: What makes the control word of the telegram of that of the axis; None = it is the same.
+        delay_cycles: Time from a setpoint to the actual value that it makes, bus cycles: 2 where the device
+            interpolates its setpoints over a cycle, 1.5 where they act at once.
 
     """
 
     __slots__ = (
-        "_master", "_pdos", "_rpdos", "_to_words", "node", "node_id",
+        "_delay_ns",
+        "_master",
+        "_pdos",
+        "_rpdos",
+        "_steps",
+        "_to_words",
+        "node",
+        "node_id",
     )  # fmt: skip
 
     def __init__(
@@ -75,8 +101,12 @@ class ProfidriveCanPort(ProfidrivePort):
         *,
         name: str = "drive",
         history: History | None = None,
+        steps: ControlSteps | None = None,
+        delay_cycles: float = 2.0,
     ) -> None:
         super().__init__(config, config.words, name=name, history=history)
+        self._steps = steps
+        self._delay_ns = int(config.cycle_ns * delay_cycles)
         self.node_id = node = config.node_id
         self.has_parameters = True
         self._master = master
@@ -95,6 +125,11 @@ class ProfidriveCanPort(ProfidrivePort):
             (FrameMaker(0x200 + 0x100 * number + self.node_id).make, slice(at, min(at + size, out.length)))
             for number, at in enumerate(range(0, out.length, size))
         )
+
+    @property
+    @override
+    def delay_ns(self) -> int:
+        return self._delay_ns
 
     def _status_id(self) -> int:
         return (0x480 if len(self._pdos) < 4 else 0x680) + self.node_id
@@ -154,6 +189,8 @@ class ProfidriveCanPort(ProfidrivePort):
 
     def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
         """See `DrivePort.write`."""
+        if self._steps is not None:
+            stw1 = self._steps.word(stw1, link_ok=self.link_ok, zsw1=self.zsw1)
         frame = self._compose(stw1, speed_rpm, torque_nm)
         if frame is not None:
             self._send(frame)

@@ -14,7 +14,6 @@ from motion.s7.axis.jobs import (
 )
 from motion.s7.instructions.base import Instruction
 
-
 _STOP_MODES: Final = (0, 1, 2, 3)
 _START_MODES: Final = (0, 1)
 
@@ -74,7 +73,8 @@ class MC_Power(Instruction):
     def _call_with_wrong_mode(self, enable: bool) -> int:
         """Enable or disable with a mode that does not exist; returns the ErrorID.
 
-        A wrong mode prevents the enabling, never the disabling; the start mode matters only at the rising edge.
+        A wrong mode prevents the enabling, never the disabling; the start mode matters only at the rising
+        edge.
         """
         axis = self.axis
         enabling = axis.enabling

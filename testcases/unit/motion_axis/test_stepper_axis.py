@@ -16,7 +16,8 @@ from fieldbus.canopen.master import CanopenMaster
 from fieldbus.clock import MS, S, VirtualScheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
-from motion.drives.tm_pto import PtoWords, TmPtoConfig, TmPtoPort
+from motion.drives.profidrive_can import ProfidriveCanConfig
+from motion.drives.tm_pto import pto_words, pulse_module_port
 from motion.s7.axis import PositioningAxis
 from motion.s7.handles import AxisHandle
 from motion.s7.runtime import Runtime
@@ -58,10 +59,10 @@ class Rig:
         self.master = CanopenMaster(
             scheduler, self.segment, name="controller", node_id=127, history=self.history
         )
-        words = PtoWords(variant="standard" if standard else "device")
-        self.port = TmPtoPort(
+        words = pto_words(variant="standard" if standard else "device")
+        self.port = pulse_module_port(
             self.master,
-            TmPtoConfig(cycle_ns=CYCLE_NS, node_id=5, words=words),
+            ProfidriveCanConfig(cycle_ns=CYCLE_NS, node_id=5, words=words),
             name="drive1",
             history=self.history,
         )
@@ -365,7 +366,7 @@ def test_what_the_module_lacks_is_refused():
     """Another telegram, a torque telegram, a sign of life, an unknown variant."""
     for wrong in ({"telegram": 5}, {"torque_telegram": True}, {"sign_of_life": True}, {"variant": "own"}):
         with pytest.raises(ConfigurationError):
-            PtoWords(**wrong)
+            pto_words(**wrong)
     for wrong in ({"node_id": 0}, {"boot_time_s": -1.0}, {"cycle_ns": 0}):
         with pytest.raises(ConfigurationError):
             StepperNodeConfig(**wrong)

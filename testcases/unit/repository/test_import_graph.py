@@ -23,9 +23,6 @@ SINGLE_SUBCLASS: Final[dict[str, str]] = {}
 STILL_SINGLE: Final[frozenset[str]] = frozenset(
     {
         "hil.campaign._case.Campaign",
-        "motion.drives.profidrive.TelegramConfig",
-        "motion.drives.profidrive_can.ProfidriveCanConfig",
-        "motion.drives.profidrive_can.ProfidriveCanPort",
         "reports.model.Signal",
     }
 )
