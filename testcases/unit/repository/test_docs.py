@@ -11,7 +11,7 @@ import typer
 
 import hil.expect
 import hil.faults
-from hil.bench import EMBEDDED, BenchFile, load_bench
+from hil.bench import EMBEDDED, Bench, BenchFile, load_bench
 from hil.cli import app
 from hil.faults import CATALOGUE, ENVIRONMENTS, trigger_from_dict
 from hil.fuzz import default_invariants
@@ -227,6 +227,15 @@ def test_every_option_of_the_plugin_is_documented():
 
     assert len(names) >= 11
     assert [name for name in names if f"`{name}" not in text] == []
+
+
+def test_every_method_of_a_bench_is_documented():
+    """Every public method and property of `hil.Bench` stands in the page about writing tests."""
+    text = page("docs/writing-tests.md")
+    names = [name for name in dir(Bench) if not name.startswith("_")]
+
+    assert len(names) > 40
+    assert [name for name in names if not re.search(rf"\bbench\.{name}\b", text)] == []
 
 
 def test_every_expectation_is_documented():
