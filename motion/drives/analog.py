@@ -19,6 +19,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from typing_extensions import override
+
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive.words import STW1, ZSW1
 from motion.drives._link import LinkConfig, LinkedPort
@@ -131,8 +133,8 @@ class AnalogPort(LinkedPort):
         self._was_ok = False
         self.enter_service()
 
-    def set_reference(self, speed_rpm: float, torque_nm: float) -> None:  # noqa: ARG002 - there is no wire for a torque
-        """See `DrivePort.set_reference`."""
+    @override
+    def set_reference(self, speed_rpm: float, torque_nm: float) -> None:
         self._reference = speed_rpm
 
     @property
@@ -141,12 +143,13 @@ class AnalogPort(LinkedPort):
         return self._station.answers > 0
 
     @property
+    @override
     def delay_ns(self) -> int:
-        """See `LinkedPort.delay_ns`: the setpoint is there at once, so that its middle counts."""
+        # The setpoint is there at once, so that its middle counts.
         return self._cycle_ns * 3 // 2
 
+    @override
     def read(self) -> None:
-        """See `DrivePort.read`."""
         station = self._station
         fresh = station.answers != self._seen
         self._seen = station.answers
@@ -170,8 +173,9 @@ class AnalogPort(LinkedPort):
         if self._counter is not None:
             self.encoder_increments = station.counters[self._counter]
 
-    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:  # noqa: ARG002 - there is no wire for a torque
-        """See `DrivePort.write`; the outputs go with the next exchange of the station."""
+    @override
+    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
+        # The outputs go with the next exchange of the station.
         self._stw1 = stw1
         operate = stw1 & _OPERATE == _OPERATE
         station = self._station

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from struct import Struct
 from typing import TYPE_CHECKING, Final
 
+from typing_extensions import override
+
 from fieldbus.canopen.node_setup import PdoSetup
 from fieldbus.cia402 import DriveState, decode_state
 from fieldbus.errors import HilError
@@ -140,19 +142,19 @@ class Cia402Port(LinkedPort):
     # -- what the network tells
     # -------------------------------------------------------------------------------
 
+    @override
     def drive_restarted(self) -> None:
-        """See `LinkedPort.drive_restarted`."""
         LinkedPort.drive_restarted(self)
         self._fault_code = 0
         self._max_torque.drive_restarted()
 
+    @override
     def leave_service(self) -> None:
-        """See `LinkedPort.leave_service`."""
         LinkedPort.leave_service(self)
         self._seen_tpdo1 = False
 
     def take_emcy(self, code: int) -> None:
-        """See `NodePort`."""
+        """Take the code of an EMCY of the drive."""
         if code:
             self._fault_code = code
 
@@ -177,8 +179,8 @@ class Cia402Port(LinkedPort):
     # -- cycle
     # ------------------------------------------------------------------------------------------------
 
+    @override
     def read(self) -> None:
-        """See `DrivePort.read`."""
         fresh = self._seen_tpdo1
         self._seen_tpdo1 = False
         if not self._judge(fresh):
@@ -210,8 +212,9 @@ class Cia402Port(LinkedPort):
             zsw1 |= 0x0020
         self.zsw1 = zsw1 | word & 0x0280
 
-    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:  # noqa: ARG002 - csv carries no torque
-        """See `DrivePort.write`; the speed is sent in 10^-3 rpm."""
+    @override
+    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
+        # The speed is sent in 10^-3 rpm.
         self._stw1 = stw1
         if not stw1 & 0x0002:
             control = 0x0000
@@ -231,12 +234,13 @@ class Cia402Port(LinkedPort):
             milli_rpm = -0x7FFFFFFF
         self._master.send(self._rpdo1_id, _RPDO1.pack(control, milli_rpm, MODE_CSV))
 
-    def set_reference(self, speed_rpm: float, torque_nm: float) -> None:  # noqa: ARG002 - the speed is sent in rpm
-        """See `DrivePort.set_reference`."""
+    @override
+    def set_reference(self, speed_rpm: float, torque_nm: float) -> None:
         self._torque_share_permille = torque_nm / self._torque_factor
 
+    @override
     def limit_torque(self, share: float | None) -> None:
-        """See `DrivePort.limit_torque`; a whole share is no reduction, as in a PROFIdrive telegram."""
+        # A whole share is no reduction, as in a PROFIdrive telegram.
         reduced = share is not None and share < 1.0
         self.torque_limit_reached = False
         self._max_torque.want(

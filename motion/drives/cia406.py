@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from struct import Struct
 from typing import TYPE_CHECKING, Final
 
+from typing_extensions import override
+
 from fieldbus.errors import ConfigurationError
 from motion.drives._link import GRACE_CYCLES
 from motion.drives.encoder import EncoderPort
@@ -98,17 +100,18 @@ class Cia406Port(EncoderPort):
     # -------------------------------------------------------------------------------
 
     def node_restarted(self) -> None:
-        """See `NodeUser`: what it counts from now on has a new reference."""
+        """Take note that the node has booted."""
+        # What it counts from now on has a new reference.
         self.encoder_restarts += 1
         self.sensor_fault = False
         self._known = False
 
     def node_in_service(self) -> None:
-        """See `NodeUser`."""
+        """Take note that the node is in service."""
         self._in_service = True
 
     def node_lost(self, reason: str) -> None:
-        """See `NodeUser`."""
+        """Take note that the node is lost."""
         self._in_service = False
         self._seen = False
         self._age = self._grace
@@ -116,10 +119,11 @@ class Cia406Port(EncoderPort):
             self._history.emit(self.name, "link.node_lost", reason=reason)
 
     def node_state(self, state: int) -> None:
-        """See `NodeUser`."""
+        """Take the NMT state of the node."""
 
     def node_emcy(self, code: int) -> None:
-        """See `NodeUser`: an alarm makes the position worthless until it is gone."""
+        """Take an EMCY of the node."""
+        # An alarm makes the position worthless until it is gone.
         if code in _ALARMS:
             self.sensor_fault = True
         elif code == 0:
@@ -133,8 +137,8 @@ class Cia406Port(EncoderPort):
     # -- cycle
     # ------------------------------------------------------------------------------------------------
 
+    @override
     def read(self) -> None:
-        """See `EncoderPort.read`."""
         if self._seen:
             self._seen = False
             self._age = 0

@@ -69,5 +69,5 @@ class EncoderPort(ABC):
         return {}
 
     def read_parameter(self, number: int, index: int, answer: Callable[[float | None, str], object]) -> None:
-        """See `DrivePort.read_parameter`."""
+        """Begin to read a parameter of the encoder; the arguments as in `DrivePort.read_parameter`."""
         raise NotImplementedError

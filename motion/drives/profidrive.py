@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from struct import Struct
 from typing import TYPE_CHECKING, Final, Literal
 
+from typing_extensions import override
+
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import Telegram, pto_telegram, telegram
 from fieldbus.profidrive.formats import N2_ONE, N4_ONE, from_n2, to_kpc, to_n2, to_n4
@@ -245,16 +247,15 @@ class ProfidrivePort(LinkedPort):
         self._stw2_at = place.get("STW2", -1) if self._words.pulse_module is None else -1
         self._g1_at = place.get("G1_STW", -1)
 
+    @override
     def set_reference(self, speed_rpm: float, torque_nm: float) -> None:
-        """See `DrivePort.set_reference`."""
         self._reference_speed = speed_rpm
         self._reference_torque = torque_nm
         self._speed_scale = speed_rpm / (N2_ONE if self._narrow else N4_ONE)
 
+    @override
     def switch_outputs(self, on: bool) -> None:
-        """See `DrivePort.switch_outputs`: every word is 0, so that the drive misses the sign of life of its
-        controller.
-        """
+        # Every word is 0, so that the drive misses the sign of life of its controller.
         place = {name: at for at, name in enumerate(self.telegram.setpoint.names)} if on else {}
         self._place_outputs(place)
         self._row[:] = [0] * len(self._row)
@@ -298,13 +299,13 @@ class ProfidrivePort(LinkedPort):
     # -- what the bus tells
     # -------------------------------------------------------------------------------------
 
+    @override
     def drive_restarted(self) -> None:
-        """See `LinkedPort.drive_restarted`."""
         LinkedPort.drive_restarted(self)
         self._fault_number = 0
 
+    @override
     def leave_service(self) -> None:
-        """See `LinkedPort.leave_service`."""
         LinkedPort.leave_service(self)
         self._watch.reset()
 
@@ -382,26 +383,29 @@ class ProfidrivePort(LinkedPort):
             raise ConfigurationError("signal of the telegram", name, ", ".join(self._place))
         return self._answer[at]
 
+    @override
     def telegram_view(self) -> dict[str, int]:
-        """See `DrivePort.telegram_view`."""
         sent = zip(self.telegram.setpoint.names, self._row, strict=True)
         return {**dict(sent), **dict(zip(self.telegram.actual.names, self._answer, strict=True))}
 
+    @override
     def control_position(self, deviation_increments: float, gain_per_s: float) -> None:
-        """See `DrivePort.control_position`: XERR and KPC."""
+        # XERR and KPC.
         if not -_XERR_MAX <= deviation_increments <= _XERR_MAX:
             deviation_increments = min(max(deviation_increments, -_XERR_MAX), _XERR_MAX)
         self._xerr = round(deviation_increments)
         self._kpc = to_kpc(gain_per_s)
 
+    @override
     def set_torque_range(self, upper: float, lower: float) -> None:
-        """See `DrivePort.set_torque_range`: M_LIMIT_POS and M_LIMIT_NEG."""
+        # M_LIMIT_POS and M_LIMIT_NEG.
         if self.has_torque_data:
             for at, share in zip(self._range_at, (upper, lower), strict=True):
                 self._row[at] = to_n2(share)
 
+    @override
     def limit_torque(self, share: float | None) -> None:
-        """See `DrivePort.limit_torque`: MOMRED, where 4000h takes everything away (STP-136)."""
+        # MOMRED, where 4000h takes everything away (STP-136).
         if self.has_torque_reduction:
             self._row[self._momred_at] = 0 if share is None else round((1.0 - share) * N2_ONE)
 

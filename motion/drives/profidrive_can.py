@@ -150,20 +150,22 @@ class ProfidriveCanPort(ProfidrivePort):
     # -- what the network tells
     # -------------------------------------------------------------------------------
 
+    @override
     def leave_service(self) -> None:
-        """See `LinkedPort.leave_service`."""
         ProfidrivePort.leave_service(self)
         self._pdos.forget()
 
     def take_emcy(self, code: int) -> None:
-        """See `NodePort`: the fault number says more than the EMCY."""
+        """Take the code of an EMCY of the drive."""
+        # The fault number says more than the EMCY.
 
     def parameters(self) -> list[tuple[int, int, int]]:
         """Return what commissioning may write, in order: (index, sub-index, value)."""
         return written(self.node)
 
+    @override
     def read_parameter(self, number: int, index: int, answer: Callable[[float | None, str], object]) -> None:
-        """See `DrivePort.read_parameter`: object 2000h + number (PD-343)."""
+        # Object 2000h + number (PD-343).
 
         def ended(job: SdoJob) -> None:
             if job.ok:
@@ -183,12 +185,12 @@ class ProfidriveCanPort(ProfidrivePort):
     # -- cycle
     # ------------------------------------------------------------------------------------------------
 
+    @override
     def read(self) -> None:
-        """See `DrivePort.read`."""
         self._take(self._pdos.take())
 
+    @override
     def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
-        """See `DrivePort.write`."""
         if self._steps is not None:
             stw1 = self._steps.word(stw1, link_ok=self.link_ok, zsw1=self.zsw1)
         frame = self._compose(stw1, speed_rpm, torque_nm)

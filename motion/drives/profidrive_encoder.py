@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from typing_extensions import override
+
 from fieldbus.canopen.node_setup import NodeSetup
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import telegram
@@ -159,8 +161,9 @@ class ProfidriveEncoderPort(EncoderPort):
             raise ConfigurationError("signal of the telegram", name, ", ".join(self._place))
         return self._answer[at]
 
+    @override
     def telegram_view(self) -> dict[str, int]:
-        """See `EncoderPort.telegram_view`: what was sent last and the last answer."""
+        # What was sent last and the last answer.
         return {
             "STW2_ENC": self._sent[0],
             "G1_STW": self._sent[1],
@@ -179,8 +182,8 @@ class ProfidriveEncoderPort(EncoderPort):
             return from_n4(self.actual("NIST_B"))
         return from_n2(self.actual("NIST_A")) if "NIST_A" in self._place else None
 
+    @override
     def set_reference(self, speed: float) -> None:
-        """See `EncoderPort.set_reference`."""
         self._reference_speed = speed
 
     def connect_block(self, block: TelegramBlock) -> TelegramBlock:
@@ -203,15 +206,15 @@ class ProfidriveEncoderPort(EncoderPort):
     # -------------------------------------------------------------------------------------
 
     def node_restarted(self) -> None:
-        """See `NodeUser`."""
+        """Take note that the node has booted."""
         self.encoder_restarts += 1
 
     def node_in_service(self) -> None:
-        """See `NodeUser`."""
+        """Take note that the node is in service."""
         self._in_service = True
 
     def node_lost(self, reason: str) -> None:
-        """See `NodeUser`."""
+        """Take note that the node is lost."""
         self._in_service = False
         self._pdos.forget()
         self._age = self._config.grace_cycles
@@ -221,18 +224,20 @@ class ProfidriveEncoderPort(EncoderPort):
             self._history.emit(self.name, kind, reason=reason)
 
     def node_state(self, state: int) -> None:
-        """See `NodeUser`."""
+        """Take the NMT state of the node."""
         if self._history is not None:
             self._history.emit(self.name, "link.nmt_state", state=int(state))
 
     def node_emcy(self, code: int) -> None:
-        """See `NodeUser`: the words say more."""
+        """Take an EMCY of the node."""
+        # The words say more.
 
     # -- cycle
     # ------------------------------------------------------------------------------------------------------
 
+    @override
     def read(self) -> None:
-        """See `EncoderPort.read`: take what the last SYNC has brought, and send the words of the next one."""
+        # Take what the last SYNC has brought, and send the words of the next one.
         now = self._master.scheduler.now
         if now == self._read_ns:
             return  # several technology objects may read one encoder

@@ -19,6 +19,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Final, Protocol
 
+from typing_extensions import override
+
 from fieldbus.errors import ConfigurationError, HilError
 from fieldbus.modbus import ExceptionCode, Outcome
 from fieldbus.profidrive.words import ZSW1
@@ -183,8 +185,9 @@ class ProfidriveModbusPort(ProfidrivePort):
         self.refusal = ""
         """Why the drive cannot be led at all; empty while that is not known."""
 
+    @override
     def read_parameter(self, number: int, index: int, answer: Callable[[float | None, str], object]) -> None:
-        """See `DrivePort.read_parameter`: data record 47 (PD-326)."""
+        # Data record 47 (PD-326).
         if self._parameters is None:
             raise ConfigurationError(
                 "register map", "without data record 47", "a map with a parameter channel"
@@ -234,23 +237,23 @@ class ProfidriveModbusPort(ProfidrivePort):
         self.stage = Stage.OFF
 
     @property
+    @override
     def delay_ns(self) -> int:
-        """See `LinkedPort.delay_ns`."""
         age = self._config.cycle_ns * (2 if self._config.combined else 1) // 2 - self._config.request_ns
         return self._config.cycle_ns * 3 // 2 + age
 
     # -- cycle
     # --------------------------------------------------------------------------------------------------
 
+    @override
     def read(self) -> None:
-        """See `DrivePort.read`."""
         frame, self._fresh = self._fresh, None
         if frame is None and self.link_ok:
             self.missed += 1
         self._take(frame)
 
+    @override
     def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
-        """See `DrivePort.write`."""
         self._put(self._compose(stw1, speed_rpm, torque_nm))
 
     def write_words(self, row: Sequence[int]) -> None:

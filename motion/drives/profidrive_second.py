@@ -7,6 +7,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
+from typing_extensions import override
+
 from fieldbus.profidrive.words import G_STW, G_ZSW
 from motion.drives.encoder import EncoderPort
 from motion.drives.mark import TelegramMarkSearch
@@ -42,8 +44,8 @@ class SecondEncoderPort(EncoderPort):
         self.brings_speed = True
         self.has_parameters = port.has_parameters
 
+    @override
     def read(self) -> None:
-        """See `EncoderPort.read`."""
         port = self._port
         self.link_ok = port.link_ok
         self.encoder_restarts = port.encoder_restarts
@@ -62,6 +64,7 @@ class SecondEncoderPort(EncoderPort):
             self._sent = word
             port.command("G2_STW", word)
 
+    @override
     def read_parameter(self, number: int, index: int, answer: Callable[[float | None, str], object]) -> None:
-        """See `DrivePort.read_parameter`: those of its drive."""
+        # Those of its drive.
         self._port.read_parameter(number, index, answer)

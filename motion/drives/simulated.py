@@ -12,6 +12,8 @@ from enum import IntEnum
 from math import tau
 from typing import Final
 
+from typing_extensions import override
+
 from motion.drives.mark import IdealMarkSearch
 from motion.drives.port import STW1, ZSW1, DrivePort
 
@@ -105,8 +107,8 @@ class SimulatedDrivePort(DrivePort):
         self.switches = 0
         """Digital inputs at the drive."""
 
-    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:  # noqa: ARG002 - an ideal motor needs no torque
-        """See `DrivePort.write`."""
+    @override
+    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
         self._stw1 = stw1
         self._setpoint = speed_rpm
 

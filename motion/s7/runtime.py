@@ -150,6 +150,10 @@ class Runtime:
         """Application cycles from one call of the program to the next."""
         return self.task.program_cycles
 
+    @program_cycles.setter
+    def program_cycles(self, cycles: int) -> None:
+        self.task.program_cycles = cycles
+
     def start(self) -> None:
         """Begin to cycle."""
         self.task.start()

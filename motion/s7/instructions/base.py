@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
+from typing_extensions import override
+
 from fieldbus.errors import ConfigurationError
 from motion.s7.axis.jobs import ERROR_CONTROL_PANEL, ERROR_REFERENCE, NO_ERROR, Job, JobState
 from motion.s7.compatibility import check_instruction, level_of
@@ -215,8 +217,9 @@ class ExecuteInstruction(Instruction):
             self.ErrorID = job.error_id
 
     @property
+    @override
     def dormant(self) -> bool:
-        """See `Instruction.dormant`: the outputs of an ended job are held while Execute is TRUE."""
+        # The outputs of an ended job are held while Execute is TRUE.
         return self._terminal and bool(self.Execute) and self._last_execute
 
     def done(self) -> bool:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from typing_extensions import override
+
 from motion.s7.axis.jobs import ERROR_RESTART_ENABLED, ERROR_STATE, NO_ERROR
 from motion.s7.axis.state import AxisState
 from motion.s7.instructions.base import Instruction
@@ -82,8 +84,8 @@ class MC_Reset(Instruction):
             )
 
     @property
+    @override
     def dormant(self) -> bool:
-        """See `Instruction.dormant`."""
         return (self.Done or self.Error) and self.Execute and self._last_execute
 
     def done(self) -> bool:
