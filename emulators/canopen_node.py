@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import canopen
 
 _FIRST_OWN_OBJECT = 0x2000
-"""What lies below is communication, which the slave itself knows."""
+"""Objects below describe communication; the slave knows them."""
 
 
 class CanopenNode:

@@ -103,7 +103,7 @@ class ProcessWords:
 
 
 class SyncCycle:
-    """Runs the bus cycle of an operational device at every SYNC, and by itself when nobody sends SYNC.
+    """Runs the bus cycle of an operational device at every SYNC, and by itself when SYNC is missing.
 
     Args:
         scheduler: Clock of the device.

@@ -1,7 +1,7 @@
 """A drive with an analog setpoint: a voltage in, an enable input, a ready output (STP-539, STP-540). It knows
 no bus.
 
-Terminals are attributes of the drive: somebody calls `set_voltage` and `set_enable`, and takes note of
+Terminals are attributes of the drive: the wiring calls `set_voltage` and `set_enable`, and listens to
 `on_ready` and `on_inputs`. An I/O station does that on a bench.
 """
 

@@ -51,7 +51,7 @@ _SERVO: Final = 6
 
 _HEADROOM: Final = 1.05
 """Share of the speed limit up to which the position controller may catch up: at the limit itself it needs
-some room.
+some reserve.
 """
 
 
@@ -301,7 +301,7 @@ class ServoCore:
         return abs(self.velocity) <= self.standstill_speed
 
     def reinitialise(self) -> None:
-        """Read the encoder anew, as after its power-on; pulses are inhibited."""
+        """Read the encoder again, as after its power-on; pulses are inhibited."""
         self.inhibit_pulses()
         self.position = self._encoder.sample(self._mechanics.motor_angle)
         self.velocity = 0.0
@@ -448,7 +448,7 @@ class ServoCore:
             acceleration: Slope away from zero, rad/s^2, > 0; inf = at once.
             deceleration: Slope towards zero, rad/s^2; None = as `acceleration`.
             track_position: Whether the position controller takes part.
-            rounded: A ramp with rounding, which has been told where to go; the slopes do not count then.
+            rounded: A ramp with rounding, which has its target already; the slopes do not count then.
 
         """
         self._rounded = rounded

@@ -324,7 +324,7 @@ class StepperDrive:
         self._enabled = False
         self._set_ready()
         self.digital_inputs.read()
-        self.told()
+        self.log_changes()
 
     def _on_inputs(self, before: int) -> None:
         value = self.digital_inputs.value
@@ -340,7 +340,7 @@ class StepperDrive:
 
     # -- evidence --------------------------------------------------------------------------------------
 
-    def told(self) -> None:
+    def log_changes(self) -> None:
         """Write what has changed since the last bus cycle into the log."""
         state, fault = self.channel.state, self.channel.fault
         if state is not self._shown:

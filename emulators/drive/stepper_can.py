@@ -3,7 +3,7 @@ PDOs, latched by SYNC.
 
 The node shows the objects of the PROFIdrive axis, of which it uses the process data words, the digital inputs
 and the fault number. When SYNC stays away the module goes on with its own clock, so that its watchdog sees
-that nobody leads it any more.
+that no controller leads it any more.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ class StepperCanDrive(EmulatedDrive):
             self.drive.module.supply(False)
             self.drive.channel.restart()
             self.drive.motor.energised = False
-            self.drive.told()
+            self.drive.log_changes()
 
     def _on_reset(self, application: bool) -> None:
         if application:
@@ -204,7 +204,7 @@ class StepperCanDrive(EmulatedDrive):
             module.receive(0, frame)
         fault = self.drive.channel.fault
         module.cycle()
-        self.drive.told()
+        self.drive.log_changes()
         if self.drive.channel.fault is not fault:
             self._show_inputs()
         self._words.give(module.transmit(0)[0])
@@ -227,7 +227,7 @@ class StepperCanDrive(EmulatedDrive):
         self.drive.module.failed = failed
         if failed:
             self.drive.channel.restart()
-            self.drive.told()
+            self.drive.log_changes()
 
     def report_encoder_error(self, code: int, present: bool) -> None:
         """Bring about the lasting cause of an error of the encoder feedback, or end it.

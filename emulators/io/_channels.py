@@ -44,7 +44,7 @@ class _DigitalChannel(ABC):
 
     @abstractmethod
     def _changed(self) -> None:
-        """Find the level out anew."""
+        """Evaluate the level again."""
 
 
 class DigitalInput(_DigitalChannel):
@@ -66,13 +66,13 @@ class DigitalInput(_DigitalChannel):
         self._filter_ns = round(filter_ms * MS)
         self._timer: Timer | None = None
         self.raw = False
-        """Level that somebody brings."""
+        """Level from outside."""
         self.value = False
         """Level behind the filter."""
 
     @property
     def level(self) -> bool:
-        """Level at the terminal: what somebody brings, unless it is stuck or the wire is broken."""
+        """Level at the terminal: the level from outside, unless it is stuck or the wire is broken."""
         if self._stuck is not None:
             return self._stuck
         return self.raw and not self._broken
@@ -332,7 +332,7 @@ class AnalogOutput:
 
     @property
     def level(self) -> float:
-        """The quantity at the end of the wire, in its unit: disturbed, with noise anew at every call."""
+        """The quantity at the end of the wire, in its unit: disturbed, with new noise at every call."""
         return self.disturbance(self.value)
 
 

@@ -69,7 +69,7 @@ class ModbusIoStation:
         self._written_ns = 0
         self._watching = False
         self.powered = True
-        """Whether it has its supply; without it the outputs are off and nobody answers."""
+        """Whether it has its supply; without it the outputs are off and requests stay unanswered."""
         self.substituted = False
         """Whether the outputs have their substitute values because of the watchdog."""
         self.digital_inputs = list(digital_inputs)

@@ -288,7 +288,7 @@ class AxisMechanics:
         """Let the play between motor and load grow by `backlash` (load unit) within a time; 0 = as it was
         built.
 
-        What is mended draws the load to where the motor is.
+        A repaired coupling draws the load to where the motor is.
 
         Raises:
             ConfigurationError: A value is negative.

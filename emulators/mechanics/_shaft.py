@@ -10,9 +10,9 @@ from fieldbus.errors import ConfigurationError
 
 
 class DrivenShaft:
-    """Moves as it is told, without inertia: constant speed, linear ramps, or a list of them.
+    """Moves as commanded, without inertia: constant speed, linear ramps, or a list of them.
 
-    Position and velocity are calculated when somebody asks; the shaft costs nothing while nobody does.
+    Position and velocity are calculated on demand; otherwise the shaft costs nothing.
 
     Args:
         scheduler: Time of the bench.

@@ -464,7 +464,7 @@ class CiA402Drive(MainsDrive):
             self.status_word.show_mode()
         axis = self.axis
         if axis.synchronised and self.scheduler.now - slave.sync.time_ns > _SYNC_PAUSE_NS:
-            # Nobody sends SYNC any more: set-points come by SDO or event-driven PDOs, if at all.
+            # SYNC has stopped: set-points come by SDO or event-driven PDOs, if at all.
             axis.synchronised = self.scheduler.now - slave.sync.time_ns < 10e9 * axis.period_s
         function.cycle()
         self.monitors.update(self._control_period_s)
@@ -591,7 +591,7 @@ class CiA402Drive(MainsDrive):
         self.machine.release()
 
     def force_switch_on_disabled(self) -> None:
-        """Change to Switch on disabled without being told to and without a fault; the motor coasts."""
+        """Change to Switch on disabled without a command and without a fault; the motor coasts."""
         self.function.execute(self.machine.disable_voltage())
         self.refresh_status()
 

@@ -24,7 +24,7 @@ from emulators.drive.cia402.statemachine import Action, PowerStateMachine, StopO
 from fieldbus.clock import Scheduler, Timer, seconds_to_ns
 
 _UNSEEN_CYCLES: Final = 4
-"""Transition 4 follows 3 after this many control cycles when nobody samples the status word."""
+"""Transition 4 follows 3 after this many control cycles when the status word is not sampled."""
 _HALT: Final = 0x100
 _MODE_BITS: Final = 0x270
 """Bits 4, 5, 6 and 9 of the control word."""

@@ -1,6 +1,6 @@
 """Personalities: how a family of drives differs from the profile, as a data file.
 
-A personality is a TOML file. Those that come with the product stand in `personalities/` beside this module
+A personality is a TOML file. Those that come with the product are in the folder `personalities/`
 and are chosen by name; a path chooses a file of your own:
 
     name = "my-drive"

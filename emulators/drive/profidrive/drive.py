@@ -415,7 +415,7 @@ class ProfidriveDrive:
         self._forget()
 
     def _forget(self) -> None:
-        """Begin as after power-on: nobody has spoken to the drive yet."""
+        """Begin as after power-on: no telegram has come yet."""
         self.sign_of_life.reset()
         self.data.restart()
         self.core.brake.forced_open = False

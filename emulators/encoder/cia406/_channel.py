@@ -213,7 +213,7 @@ class Channel:
         return self._jerk
 
     def _derive(self) -> None:
-        """Work out the motion of the last cycle, once, and only if somebody asks."""
+        """Work out the motion of the last cycle, once, and only on demand."""
         if self._derived:
             return
         self._derived = True

@@ -109,7 +109,7 @@ class Measurement:
             self.forget_sample()
 
     def forget_sample(self) -> None:
-        """Have the next reader sample anew although the instant is the same."""
+        """Let the next reader sample again although the instant is the same."""
         self._sampled_ns = -1
 
     def _settings(self) -> tuple[Any, ...]:
@@ -162,5 +162,5 @@ class Measurement:
 
 
 def _offset_key(channel: int) -> int:
-    """Return where the offset of a channel lies in the non-volatile memory."""
+    """Return the key of the offset of a channel in the non-volatile memory."""
     return 0x650900 if channel == 0 else 0x650C01 + channel

@@ -313,7 +313,7 @@ class CiA406Encoder:
                 self.slave.emcy_clear(WARNING_EMCY)
 
     def inject_alarms(self, word: int) -> None:
-        """Set the bits of 6503h whose cause somebody brings about.
+        """Set the bits of 6503h whose cause a test brings about.
 
         Raises:
             ConfigurationError: A bit that neither 6504h supports nor belongs to the manufacturer.
@@ -323,7 +323,7 @@ class CiA406Encoder:
         self.injected_alarms = word
 
     def inject_warnings(self, word: int) -> None:
-        """Set the bits of 6505h whose cause somebody brings about.
+        """Set the bits of 6505h whose cause a test brings about.
 
         Raises:
             ConfigurationError: A bit that neither 6506h supports nor belongs to the manufacturer.

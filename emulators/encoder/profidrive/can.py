@@ -2,7 +2,7 @@
 by SYNC.
 
 At SYNC the encoder takes the words that have come, samples, makes its cycle, and its answer goes into the
-TPDOs of the same SYNC. One that is not isochronous makes its cycle by itself when nobody sends SYNC.
+TPDOs of the same SYNC. One that is not isochronous makes its cycle by itself when SYNC is missing.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class ProfidriveEncoderNodeConfig:
     Args:
         node_id: 1..127.
         encoder: The encoder.
-        cycle_ns: Bus cycle, ns: of a free-running encoder when nobody sends SYNC.
+        cycle_ns: Bus cycle, ns: of a free-running encoder when SYNC is missing.
         heartbeat_ms: 1017h, 0..65535.
         boot_time_s: From power-on or reset to the boot-up frame, s.
 

@@ -305,7 +305,7 @@ class ProfidriveEncoder:
             self._g1_stw = g1_stw
             if stw2 & ~before & STW2_ENC.ACKNOWLEDGE:
                 self.faults.acknowledge()
-        # Bit 9 says from now on that there is somebody to ask for control (PD-081).
+        # Bit 9 says from now on that there is a controller to request control from (PD-081).
         self._addressed = True
         self._stw2 = stw2
 

@@ -88,7 +88,7 @@ class EncoderInterface:
         self._home = abilities.home and (form.absolute or abilities.preset_counter)
         self._faults: dict[int, None] = {}
         self.external_mark = False
-        """Another signal takes the place of the encoder's zero mark; whoever sees it calls `reference_mark`.
+        """Another signal takes the place of the encoder's zero mark; its source calls `reference_mark`.
         """
         self._watching = False
         self.home_steps = 0
@@ -96,7 +96,7 @@ class EncoderInterface:
         self.power_on()
 
     def power_on(self) -> None:
-        """Begin anew, after the encoder has been switched on; injected faults and the home position stay."""
+        """Start again, after the encoder has been switched on; injected faults and the home position stay."""
         self.state = SD1
         self.valid = 0x0001 not in self._faults
         """Whether Gx_XIST1 can be trusted; set to False while the supply or the logic of the encoder is not

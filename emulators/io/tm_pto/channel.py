@@ -233,7 +233,7 @@ class PtoChannel:
         self._stopped = stopped
 
     def restart(self) -> None:
-        """Begin as after power-on: S1, nobody has spoken, the count shown begins anew."""
+        """Begin as after power-on: S1, no telegram has come, the count shown starts again."""
         self._halt()
         self._machine = GeneralStateMachine()
         self._machine.state = AxisState.S1

@@ -87,7 +87,7 @@ class StepperMotor:
         self._per_step = config.increments // config.full_steps
         self._stood_at = 0
         self.load_torque = 0.0
-        """Torque on the shaft beside friction, Nm; positive turns it backwards."""
+        """Torque on the shaft in addition to friction, Nm; positive turns it backwards."""
         self.energised = True
         """Whether the windings have current; without, the pulses are lost."""
         self.lost = 0

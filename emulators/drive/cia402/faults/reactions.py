@@ -126,7 +126,7 @@ class FaultReactions:
     # -- faults that clear themselves ------------------------------------------------------------------
 
     def reset_commanded(self) -> None:
-        """Note that the controller wants a reset: attempts of the drive's own count anew."""
+        """Note that the controller wants a reset: the drive's own attempts start from zero."""
         self._resets = 0
 
     def arm_auto_reset(self) -> None:

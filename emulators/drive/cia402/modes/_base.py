@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from typing_extensions import override
+
 from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.statemachine import StopOption
 
@@ -107,6 +109,6 @@ class NoMode(ModeOfOperation):
 
     __slots__ = ()
 
+    @override
     def stopped(self) -> None:
-        """See `ModeOfOperation.stopped`."""
         self.status = 0

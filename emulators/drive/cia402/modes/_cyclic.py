@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing_extensions import override
+
 from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.modes._base import BIT_12, BIT_13, ModeOfOperation
 from emulators.drive.cia402.modes._position_follower import PositionFollower
@@ -20,19 +22,20 @@ class _CyclicMode(ModeOfOperation):
         self._started = False
 
     @property
+    @override
     def torque_offset(self) -> float:
-        """See `ModeOfOperation.torque_offset`: 60B2h."""
+        """60B2h."""
         units = self.axis.units
         return float(self.axis.values[0x60B200] * units.torque * units.torque_sign)
 
+    @override
     def enter(self) -> None:
-        """See `ModeOfOperation.enter`."""
         self.missed = 0
         self._started = False
         self.axis.fresh = False
 
+    @override
     def sync(self) -> None:
-        """See `ModeOfOperation.sync`."""
         axis = self.axis
         if axis.fresh:
             axis.fresh = False
@@ -46,8 +49,8 @@ class _CyclicMode(ModeOfOperation):
             return
         self._apply(axis.period_steps)
 
+    @override
     def cycle(self) -> None:
-        """See `ModeOfOperation.cycle`."""
         axis = self.axis
         if not axis.synchronised:
             self._apply(axis.control_steps)
@@ -55,8 +58,8 @@ class _CyclicMode(ModeOfOperation):
         if self.following_error:
             self.status |= BIT_13
 
+    @override
     def stopped(self) -> None:
-        """See `ModeOfOperation.stopped`."""
         self.status = 0
 
     def _apply(self, steps: int) -> None:
@@ -77,8 +80,8 @@ class CyclicVelocity(_CyclicMode):
         super().__init__(axis)
         self._last: int | None = None
 
+    @override
     def enter(self) -> None:
-        """See `ModeOfOperation.enter`."""
         super().enter()
         core = self.axis.core
         core.command_velocity(core.precontrol_velocity, 1)
@@ -113,8 +116,9 @@ class CyclicTorque(_CyclicMode):
     target_key = 0x607100
 
     @property
+    @override
     def torque_offset(self) -> float:
-        """See `ModeOfOperation.torque_offset`: 60B2h is part of the command here."""
+        """60B2h is part of the command here."""
         return 0.0
 
     def enter(self) -> None:
@@ -168,7 +172,7 @@ class CyclicPosition(_CyclicMode):
     def _apply(self, steps: int) -> None:
         axis = self.axis
         if not axis.primed and not self._unprimed:
-            # Nobody has given a target since power-on: stay where `enter` holds.
+            # There has been no target since power-on: stay where `enter` holds.
             self._follower.velocity = axis.core.precontrol_velocity
             return
         values = axis.values

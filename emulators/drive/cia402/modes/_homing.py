@@ -12,6 +12,8 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Final
 
+from typing_extensions import override
+
 from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.homing_methods import (
     NEGATIVE_LIMIT,
@@ -114,14 +116,14 @@ class Homing(ModeOfOperation):
 
     # -- mode ------------------------------------------------------------------------------------------
 
+    @override
     def enter(self) -> None:
-        """See `ModeOfOperation.enter`."""
         self._reset()
         super().enter()
         self._update_status()
 
+    @override
     def leave(self) -> None:
-        """See `ModeOfOperation.leave`."""
         self._reset()
         super().leave()
 
@@ -135,8 +137,8 @@ class Homing(ModeOfOperation):
             self._start()
         self._update_status()
 
+    @override
     def cycle(self) -> None:
-        """See `ModeOfOperation.cycle`."""
         phase = self._phase
         if phase is _Phase.ATTAINED:
             self._settle_down()
@@ -144,8 +146,8 @@ class Homing(ModeOfOperation):
             self._watch()
         self._update_status()
 
+    @override
     def stopped(self) -> None:
-        """See `ModeOfOperation.stopped`."""
         self._update_status()
 
     def resume(self) -> None:
@@ -420,7 +422,7 @@ class Homing(ModeOfOperation):
         self._form = axis.profile_form()
 
     def _move(self, direction: int) -> None:
-        """Move in a direction until told otherwise: fast, or slowly once an edge has been passed
+        """Move in a direction until the next command: fast, or slowly once an edge has been passed
         (C402-133).
         """
         self._direction = direction

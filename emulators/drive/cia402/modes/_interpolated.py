@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from typing_extensions import override
+
 from emulators.drive.cia402.axis import UNLIMITED, ProfileAxis
 from emulators.drive.cia402.modes._base import BIT_10, BIT_12, BIT_13, ModeOfOperation
 from emulators.drive.cia402.modes._interpolation_buffer import InterpolationBuffer
@@ -56,13 +58,13 @@ class InterpolatedPosition(ModeOfOperation):
         units = self.axis.units
         return float(self.axis.values[0x60B200] * units.torque * units.torque_sign)
 
+    @override
     def enter(self) -> None:
-        """See `ModeOfOperation.enter`."""
         self._word = self.axis.control_word
         self._interrupt()
 
+    @override
     def leave(self) -> None:
-        """See `ModeOfOperation.leave`."""
         super().leave()
         self._active = False
         self._starve(False)
@@ -73,12 +75,12 @@ class InterpolatedPosition(ModeOfOperation):
         if changed & _ENABLE and not word & _ENABLE:
             self._interrupt()
 
+    @override
     def sync(self) -> None:
-        """See `ModeOfOperation.sync`."""
         self._next()
 
+    @override
     def cycle(self) -> None:
-        """See `ModeOfOperation.cycle`."""
         axis = self.axis
         if not axis.synchronised:
             if self._elapsed > axis.period_s - 0.5 * axis.control_period_s:

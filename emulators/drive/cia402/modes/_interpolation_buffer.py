@@ -54,7 +54,7 @@ class InterpolationBuffer:
         self.clear()
 
     def put(self, position: int) -> bool:
-        """Add a set-point; returns False when there is no room."""
+        """Add a set-point; returns False when the buffer is full."""
         if not self.enabled:
             self._places[0] = position
             self._read = self.write = 0

@@ -6,6 +6,8 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from typing_extensions import override
+
 from emulators.drive.cia402.axis import UNLIMITED, ProfileAxis
 from emulators.drive.cia402.modes._base import BIT_10, BIT_12, BIT_13, ModeOfOperation
 from emulators.drive.protection import WindowTimer
@@ -63,13 +65,13 @@ class ProfilePosition(ModeOfOperation):
         self._target_angle = 0.0
         self._word = 0
 
+    @override
     def enter(self) -> None:
-        """See `ModeOfOperation.enter`."""
         super().enter()
         self._forget()
 
+    @override
     def leave(self) -> None:
-        """See `ModeOfOperation.leave`."""
         super().leave()
         self._forget()
 
@@ -94,8 +96,8 @@ class ProfilePosition(ModeOfOperation):
             self._acknowledge = False
         self._update_status()
 
+    @override
     def cycle(self) -> None:
-        """See `ModeOfOperation.cycle`."""
         profile = self.axis.core.profile
         if self._current is not None:
             if self._next is not None and (profile.raw_done if self._passes else profile.done):
@@ -114,8 +116,8 @@ class ProfilePosition(ModeOfOperation):
                 self._arrived = True
         self._update_status()
 
+    @override
     def stopped(self) -> None:
-        """See `ModeOfOperation.stopped`."""
         self.status = (BIT_12 if self._acknowledge else 0) | (0 if self.axis.core.stopping else BIT_10)
 
     def resume(self) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from typing_extensions import override
+
 from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.modes._base import BIT_10, ModeOfOperation
 from emulators.drive.cia402.statemachine import StopOption
@@ -37,8 +39,8 @@ class ProfileTorque(ModeOfOperation):
         self._begin(torque, torque)
         self.cycle()
 
+    @override
     def cycle(self) -> None:
-        """See `ModeOfOperation.cycle`."""
         axis = self.axis
         units = axis.units
         values = axis.values
@@ -61,20 +63,22 @@ class ProfileTorque(ModeOfOperation):
             axis.core.command_torque(self._start + (self._target - self._start) * share, steps)
         self.status = BIT_10 if arrived and not self.limited else 0
 
+    @override
     def stop(self, option: StopOption) -> None:
-        """See `ModeOfOperation.stop`."""
         if option <= StopOption.QUICK_STOP:
             self.axis.core.stop_torque(self.axis.values[0x608700] * self.axis.units.torque)
         else:
             super().stop(option)
 
+    @override
     def stopped(self) -> None:
-        """See `ModeOfOperation.stopped`: bit 10 when the torque is zero and the axis stands."""
+        """Bit 10 when the torque is zero and the axis stands."""
         core = self.axis.core
         self.status = BIT_10 if core.standing and not core.stopping else 0
 
+    @override
     def waiting(self) -> None:
-        """See `ModeOfOperation.waiting`: no torque is reached yet."""
+        """No torque is reached yet."""
         self.status = 0
 
     def _begin(self, start: float, target: float) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from typing_extensions import override
+
 from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.modes._base import BIT_10, BIT_12, BIT_13, ModeOfOperation
 from emulators.drive.protection import WindowTimer
@@ -25,15 +27,15 @@ class ProfileVelocity(ModeOfOperation):
         self.on_slippage: Callable[[], None] | None = None
         """Called when bit 13 comes, if slippage is a fault."""
 
+    @override
     def enter(self) -> None:
-        """See `ModeOfOperation.enter`."""
         self._command = None
         self._within.reset()
         self._standing.reset()
         self.cycle()
 
+    @override
     def cycle(self) -> None:
-        """See `ModeOfOperation.cycle`."""
         axis = self.axis
         values = axis.values
         wanted = values[0x60FF00] * axis.units.velocity * axis.units.velocity_sign
@@ -45,13 +47,14 @@ class ProfileVelocity(ModeOfOperation):
             axis.core.ramp(target, command[1], deceleration=command[2])
         self._judge()
 
+    @override
     def stopped(self) -> None:
-        """See `ModeOfOperation.stopped`."""
         self._judge()
         self.status = (self.status & ~BIT_10) | (0 if self.axis.core.stopping else BIT_10)
 
+    @override
     def waiting(self) -> None:
-        """See `ModeOfOperation.waiting`: the target is reached only if it is standstill."""
+        """The target is reached only if it is standstill."""
         self._judge()
 
     def resume(self) -> None:

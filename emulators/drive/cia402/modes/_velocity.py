@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from typing_extensions import override
+
 from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.modes._base import ModeOfOperation
 from emulators.drive.cia402.statemachine import StopOption
@@ -35,8 +37,8 @@ class Velocity(ModeOfOperation):
         self._command: tuple[float, float, float] | None = None
         self._word = 0
 
+    @override
     def enter(self) -> None:
-        """See `ModeOfOperation.enter`."""
         self._command = None
         self._word = self.axis.control_word
         self.cycle()
@@ -45,8 +47,8 @@ class Velocity(ModeOfOperation):
         """Take the bits of the ramp; they count in the next control cycle."""
         self._word = word
 
+    @override
     def cycle(self) -> None:
-        """See `ModeOfOperation.cycle`."""
         axis = self.axis
         word = self._word
         acceleration = ramp_slope(axis, 0x6048, 0x60C5)
@@ -66,12 +68,14 @@ class Velocity(ModeOfOperation):
             self._command = command
             axis.core.ramp(target, acceleration, deceleration=deceleration)
 
+    @override
     def stopped(self) -> None:
-        """See `ModeOfOperation.stopped`; bits 10, 12 and 13 are reserved."""
+        """Bits 10, 12 and 13 are reserved."""
         self.status = 0
 
+    @override
     def stop_slope(self, option: StopOption) -> float:
-        """See `ModeOfOperation.stop_slope`: 6049h and 604Ah (C402-074)."""
+        """6049h and 604Ah (C402-074)."""
         if option == StopOption.SLOW_DOWN:
             return ramp_slope(self.axis, 0x6049, 0x60C6)
         if option == StopOption.QUICK_STOP:

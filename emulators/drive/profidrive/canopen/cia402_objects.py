@@ -108,7 +108,7 @@ class Cia402Objects:
     # -- as the dictionary sees it ---------------------------------------------------------------------
 
     def entry(self, index: int, sub: int) -> Entry | None:
-        """See `ForeignObjects.entry`."""
+        """Return an object of CiA 402, or one of those behind; None: there is none."""
         from canopen.objectdictionary import ODVariable
 
         row = self._rows.get((index, sub))
@@ -123,12 +123,12 @@ class Cia402Objects:
         return Entry(variable, node_id=0, name=row.name)
 
     def read(self, entry: Entry) -> Value:
-        """See `ForeignObjects.read`."""
+        """Return the present value."""
         row = self._rows.get((entry.index, entry.sub))
         return self._behind.read(entry) if row is None else row.get()
 
     def write(self, entry: Entry, value: Value) -> None:
-        """See `ForeignObjects.write`."""
+        """Take a written value."""
         row = self._rows.get((entry.index, entry.sub))
         if row is None:
             self._behind.write(entry, value)

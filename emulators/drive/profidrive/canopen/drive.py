@@ -2,7 +2,7 @@
 SYNC.
 
 At SYNC the drive takes what has come (`process_words`), makes its cycle, and its answer goes into the TPDOs
-of the same SYNC. A drive that is not isochronous makes its cycle by itself when nobody sends SYNC.
+of the same SYNC. A drive that is not isochronous makes its cycle by itself when SYNC is missing.
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ _DATA_TYPES: Final = {
 
 
 class ParameterObjects:
-    """The parameters as objects beside those of the dictionary, through the window of p8630; see
+    """The parameters as objects in addition to those of the dictionary, through the window of p8630; see
     `ForeignObjects`.
 
     Args:
@@ -130,7 +130,7 @@ class ParameterObjects:
         return self.window.parameter(index, sub)
 
     def entry(self, index: int, sub: int) -> Entry | None:
-        """See `ForeignObjects.entry`."""
+        """Return a parameter that the window shows as an object; None: there is none."""
         place = self._place(index, sub)
         definition = None if place is None else self._store.definition(place[0])
         if place is None or definition is None:
@@ -144,7 +144,7 @@ class ParameterObjects:
         )
 
     def read(self, entry: Entry) -> Value:
-        """See `ForeignObjects.read`."""
+        """Return the present value of the parameter."""
         number, element = self._found(entry)
         refused = self._store.refusals.get(number)
         if refused is not None:
@@ -155,7 +155,7 @@ class ParameterObjects:
             raise SdoAbort(abort_code(error.error)) from None
 
     def write(self, entry: Entry, value: Value) -> None:
-        """See `ForeignObjects.write`: by all rules of the parameter."""
+        """Write the parameter by all its rules."""
         number, element = self._found(entry)
         assert isinstance(value, (int, float))
         try:

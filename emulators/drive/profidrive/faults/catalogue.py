@@ -22,7 +22,7 @@ class Acknowledgement(Enum):
 
 
 class Diagnosis(StrEnum):
-    """What kind of trouble a fault is, as a diagnosis on the bus tells it (PD-140)."""
+    """Class of a fault in the diagnosis on the bus (PD-140)."""
 
     HARDWARE = "hardware or software"
     MAINS = "mains"

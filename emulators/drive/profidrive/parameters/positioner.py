@@ -142,7 +142,7 @@ class _PositionerParameters:
         self._take({"modulo_range": float(length) if on else 0.0})
 
     def _take_block(self, number: int, at: int, value: float) -> None:
-        """Make the table anew; a row that contradicts itself cannot be started."""
+        """Build the table again; a row that contradicts itself cannot be started."""
         columns = [list(self._store.values(one, 0, 64)) for one in _BLOCKS]
         columns[number - _BLOCKS.start][at] = value
         blocks: dict[int, TraversingBlock] = {}

@@ -107,16 +107,16 @@ class ParameterServer:
 def _read_all(store: ParameterStore, addresses: list[Address], wrong: int | None) -> list[Result]:
     """Return one result per address; what does not fit into the answer is refused with 15h (PD-223)."""
     results: list[Result] = []
-    room = LONGEST_RECORD - _HEADER - _LONGEST_REFUSAL * len(addresses)
+    space = LONGEST_RECORD - _HEADER - _LONGEST_REFUSAL * len(addresses)
     for address in addresses:
-        result = _read(store, address, room + _LONGEST_REFUSAL, wrong)
+        result = _read(store, address, space + _LONGEST_REFUSAL, wrong)
         if isinstance(result, Values):
-            room += _LONGEST_REFUSAL - _block_length(result.code, len(result.values))
+            space += _LONGEST_REFUSAL - _block_length(result.code, len(result.values))
         results.append(result)
     return results
 
 
-def _read(store: ParameterStore, address: Address, room: int, wrong: int | None) -> Values | Refusal:
+def _read(store: ParameterStore, address: Address, space: int, wrong: int | None) -> Values | Refusal:
     refusal = _wrong_address(address)
     if refusal is not None:
         return refusal
@@ -130,24 +130,24 @@ def _read(store: ParameterStore, address: Address, room: int, wrong: int | None)
     elif address.attribute == Attribute.TEXT:
         result = _read_text(definition, address)
     else:
-        result = _read_values(store, definition, address, room)
+        result = _read_values(store, definition, address, space)
     if isinstance(result, Refusal):
         return result
     if wrong is not None:
         return Refusal(wrong)
-    if _block_length(result.code, len(result.values)) > room:
+    if _block_length(result.code, len(result.values)) > space:
         return Refusal(ParameterError.TOO_LONG)
     return result
 
 
 def _read_values(
-    store: ParameterStore, definition: ParameterDefinition, address: Address, room: int
+    store: ParameterStore, definition: ParameterDefinition, address: Address, space: int
 ) -> Values | Refusal:
     refusal = _wrong_index(definition, address)
     if refusal is not None:
         return refusal
     count = max(1, address.elements)
-    if _block_length(definition.type, count) > room:
+    if _block_length(definition.type, count) > space:
         return Refusal(ParameterError.TOO_LONG)
     try:
         values = store.values(definition.number, address.sub_index, count)
@@ -191,7 +191,7 @@ def _read_text(definition: ParameterDefinition, address: Address) -> Values | Re
 
 
 def _write_all(store: ParameterStore, addresses: list[Address], data: bytes) -> list[Result]:
-    """Return one result per address. A record whose values cannot be told apart writes nothing."""
+    """Return one result per address. A record whose values cannot be separated writes nothing."""
     blocks: list[Values | int]
     try:
         blocks = list(decode_request(data).values)

@@ -134,7 +134,7 @@ class ParameterStore:
         return raw.rstrip(b"\0").decode("latin-1")
 
     def set(self, number: int, value: float, sub_index: int = 0) -> None:
-        """Set the value of an element from inside the drive: no access rule counts, and no writer is told.
+        """Set the value of an element from inside the drive: no access rule counts, and no writer is called.
 
         Raises:
             ParameterAccessError: There is no such parameter or element.

@@ -96,7 +96,7 @@ class Positioner:
         self.apply(settings)
 
     def apply(self, settings: PositionerSettings) -> None:
-        """Take changed settings over; a motion under way is planned anew with them."""
+        """Take changed settings over; a motion under way is planned again with them."""
         self.task.settings = settings
         self.motion.apply(settings)
         self.blocks.table = dict(settings.blocks)

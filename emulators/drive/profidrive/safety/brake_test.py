@@ -37,7 +37,7 @@ class BrakeTest:
         mechanics: Machine.
         machine: General state machine.
         data: Setpoints of the telegram; S_STW3B is among them.
-        state: Gets told that the test moves the axis.
+        state: Shows that the test moves the axis.
         settle_brake: Closes the brake while the test runs, and releases it.
         emit: Writes the result into the log.
 

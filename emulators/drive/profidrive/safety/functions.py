@@ -298,7 +298,7 @@ class SafetyFunctions:
         self._settle()
 
     def acknowledge(self) -> None:
-        """Acknowledge the safety messages safely; what is violated still reacts anew."""
+        """Acknowledge the safety messages safely; what is still violated reacts again."""
         self._forget_messages()
         self._settle()
 

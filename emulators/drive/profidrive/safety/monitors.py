@@ -136,7 +136,7 @@ class SafeMonitors:
         self.slp_active = False
 
     def restart(self) -> None:
-        """Let every delay begin anew: after power-on, and after an acknowledgement."""
+        """Start every delay again: after power-on, and after an acknowledgement."""
         now = self._scheduler.now
         self._held = False
         self._reference = None
