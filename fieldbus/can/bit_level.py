@@ -385,13 +385,13 @@ class BitLevel:
 
     def _act(self) -> None:
         """Carry out what the bit has brought, now that all nodes have read it."""
+        if not (self._found or self._sent or self._received or self._recovered or self._changes):
+            return
         found, self._found = self._found, []
         sent, self._sent = self._sent, []
         received, self._received = self._received, []
         recovered, self._recovered = self._recovered, []
         changes, self._changes = self._changes, []
-        if not (found or sent or received or recovered or changes):
-            return
         end = self._edge_ns(self._bit)
         for port in recovered:
             port.tec = port.rec = 0

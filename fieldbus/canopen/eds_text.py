@@ -61,20 +61,6 @@ def eds_text(rows: Sequence[ObjectRow], info: EdsInfo) -> str:
     return "\n".join(_lines(rows, info)) + "\n"
 
 
-def write_or_check(path: Path, text: str, arguments: Sequence[str]) -> int:
-    """Write an EDS file, or with `--check` compare it; returns the exit status of the command that does
-    this.
-    """
-    if "--check" in arguments:
-        current = path.read_text(encoding="ascii") if path.exists() else ""
-        if current != text:
-            sys.stderr.write(f"{path} does not agree with the object table\n")
-            return 1
-        return 0
-    path.write_text(text, encoding="ascii")
-    return 0
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceEds:
     """The EDS of a device that ships with the product: made of its object table, kept as a file.
