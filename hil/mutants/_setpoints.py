@@ -51,7 +51,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "superimposed-without-room",
         "A superimposed motion gets the whole velocity limit, whatever the basic motion has of it",
-        f"{_SUPERPOSITION}._velocity_room",
+        f"{_SUPERPOSITION}._velocity_left",
         "return max(0.0, self._limit() - present)",
         "return self._limit()",
         ids=("MC-352",),

@@ -62,7 +62,7 @@ class NodePort(Protocol):
     name: str
 
     def drive_restarted(self) -> None:
-        """Take note that the drive has started anew."""
+        """Take note that the drive has started again."""
 
     def enter_service(self) -> None:
         """Take note that the drive is configured and Operational."""

@@ -72,7 +72,7 @@ class LinkedPort(DrivePort):
         return 2 * self._cycle_ns
 
     def drive_restarted(self) -> None:
-        """Take note that the drive has started anew: an incremental count has lost its reference."""
+        """Take note that the drive has started again: an incremental count has lost its reference."""
         self.encoder_restarts += 1
 
     def enter_service(self) -> None:

@@ -19,7 +19,8 @@ _LARGEST: Final = 0xFFFF
 class MaxTorque:
     """Keeps 6072h at the limit that is wanted; nothing waits, one transfer runs at a time.
 
-    What the drive had before comes back when the limit ends, and a drive that has started anew gets the limit
+    What the drive had before comes back when the limit ends, and a drive that has started again gets the
+    limit
     again.
 
     Args:

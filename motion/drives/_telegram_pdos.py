@@ -41,7 +41,7 @@ class TelegramPdos:
         return len(self._parts)
 
     def forget(self) -> None:
-        """Wait for all of them anew."""
+        """Wait for all of them again."""
         self._seen = 0
 
     def take(self) -> bytes | None:

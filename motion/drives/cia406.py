@@ -1,6 +1,7 @@
 """Port to an encoder of CiA 406 on CANopen: its position by SYNC (TPDO2, 6004h), its alarms by EMCY.
 
-Nothing is written to the encoder. Its position runs from 0 to the end of its range and begins there anew; the
+Nothing is written to the encoder. Its position runs from 0 to the end of its range and begins there again;
+the
 port makes a count of it that goes on (CFG-309).
 """
 
@@ -31,7 +32,7 @@ class Cia406PortConfig:
 
     Args:
         node_id: CANopen node, 1..127.
-        range_steps: Number of positions before it begins anew, 6002h; 2 or more.
+        range_steps: Number of positions before it begins again, 6002h; 2 or more.
         absolute_encoder: It keeps its position over power-off.
         grace_cycles: Cycles without a position until the link counts as lost.
 

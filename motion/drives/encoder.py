@@ -45,7 +45,7 @@ class EncoderPort(ABC):
         self.encoder_increments = 0
         """Raw encoder count, signed 32 bit, wraps."""
         self.encoder_restarts = 0
-        """Counts the times at which the encoder began anew."""
+        """Counts the times at which the encoder began again."""
         self.absolute_encoder = False
         self.actual_speed_rpm = 0.0
         """Speed of the encoder, where `brings_speed`, rpm; of a linear one m/min."""

@@ -18,13 +18,13 @@ _RUNNING: Final = int(G_ZSW.FUNCTION_1)
 _VALUE: Final = int(G_ZSW.VALUE_1)
 _ERROR: Final = int(G_ZSW.ERROR)
 _PATIENCE: Final = 16
-"""Cycles without the expected answer after which the search is begun anew: a telegram, or the device, may
+"""Cycles without the expected answer after which the search is begun again: a telegram, or the device, may
 have been lost.
 """
 _HOLD: Final = 4
 """Cycles for which a command without an answer is sent at least: another one may still be on its way."""
 _ATTEMPTS: Final = 3
-"""How often reading is tried before the search is begun anew."""
+"""How often reading is tried before the search is begun again."""
 
 IDLE, ACTIVATING, SEARCHING, PAUSING, READING, CLOSING, CANCELLING = range(7)
 

@@ -108,7 +108,7 @@ class DrivePort(ABC):
         self.encoder_increments = 0
         """Raw encoder count, signed 32 bit, wraps."""
         self.encoder_restarts = 0
-        """Counts the times at which the encoder began anew (power cycle of the drive); an incremental count
+        """Counts the times at which the encoder began again (power cycle of the drive); an incremental count
         lost its reference.
         """
         self.absolute_encoder = False

@@ -9,7 +9,7 @@ A response that comes late, not at all, or is an exception, is a missing cycle. 
 next cycle has newer values.
 
 A drive is asked for its actual values before anything is written to it: one that has not had a telegram since
-it was switched on does not request control yet (ZSW1.9 = 0, PD-081), and so shows that it has started anew.
+it was switched on does not request control yet (ZSW1.9 = 0, PD-081), and so shows that it has started again.
 """
 
 from __future__ import annotations
@@ -406,7 +406,7 @@ class ProfidriveModbusPort(ProfidrivePort):
         elif result.outcome is Outcome.LOST or (
             misses[_READING] > 1 and result.outcome is not Outcome.EXCEPTION
         ):
-            self.stage = Stage.ASKING  # it may have started anew meanwhile
+            self.stage = Stage.ASKING  # it may have started again meanwhile
         return False
 
     def _lose(self, reason: str) -> None:

@@ -214,7 +214,7 @@ class EncoderFeedback(Feedback):
                 self.lost_reference = True  # what it has counted wrong nobody knows (HOM-179)
             self.state = NOT_VALID
             self.velocity = 0.0
-            if self.compensation:  # which is added anew in every cycle
+            if self.compensation:  # which is added again in every cycle
                 self.position = (self._count - self._base) * self._increment + self._offset
             return
         raw = source.encoder_increments
@@ -292,7 +292,7 @@ class EncoderFeedback(Feedback):
     def shift(self, offset: float) -> None:
         """Move the coordinate system so that the position grows by `offset`.
 
-        An incremental encoder counts anew from there, so that the way up to now takes no digits any more
+        An incremental encoder counts again from there, so that the way up to now takes no digits any more
         (LIM-101).
         """
         self.position += offset

@@ -22,7 +22,7 @@ _RANGE_END: Final = 2**53 / 9.0e15
 
 
 class MonitoringReport(Protocol):
-    """Who is told what monitoring finds."""
+    """Who gets the reports of monitoring."""
 
     def following_error(self) -> None:
         """The following error is larger than permitted; reported in every cycle in which it is."""
@@ -81,7 +81,7 @@ class Monitoring:
         servo: The axis.
         limits: What is compared with.
         torque: Torque limits, which may suspend the monitoring of positions.
-        report: Who is told.
+        report: Who gets its findings.
         cycle_s: Interpolator cycle, s.
 
     """

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 _CHANGE: Final = 1e-3
-"""Share of the velocity limit by which the room for the superimposed motion has to change before it is
-planned anew.
+"""Share of the velocity limit by which the velocity left for the superimposed motion has to change before it
+is
+planned again.
 """
 
 
@@ -53,9 +54,9 @@ class Superposition(Setpoint):
         "_basic_velocity",
         "_braking",
         "_dynamics",
+        "_left",
         "_limit",
         "_motion",
-        "_room",
         "_target",
         "_zero",
         "given",
@@ -79,14 +80,16 @@ class Superposition(Setpoint):
         """Whether the user program gives the setpoints (`MC_MotionInSuperimposed`)."""
         self._zero = 0.0
         self._target = 0.0
-        self._room = 0.0
+        self._left = 0.0
         self._braking = False
         self._dynamics = (0.0, 0.0, 0.0)
         self.refresh()
 
     @property
     def ended(self) -> bool:
-        """Whether the superimposed motion has arrived and stands; not while it waits for room."""
+        """Whether the superimposed motion has arrived and stands; not while it waits until velocity is
+        left.
+        """
         return self.part.done and not self.given and (self._braking or self.part.positioning)
 
     def move(self, motion: RelativeMotion, acceleration: float, deceleration: float, jerk: float) -> None:
@@ -95,7 +98,7 @@ class Superposition(Setpoint):
         self._braking = self.given = False
         self._target = self.part.s + motion.distance
         self._dynamics = (acceleration, deceleration, jerk)
-        self._room = self._velocity_room()
+        self._left = self._velocity_left()
         self._plan()
 
     def halt(self, motion: RelativeMotion, deceleration: float, jerk: float) -> None:
@@ -142,9 +145,9 @@ class Superposition(Setpoint):
             self.refresh()
             return
         if not self._braking and not self.ended:
-            room = self._velocity_room()
-            if abs(room - self._room) > _CHANGE * self._limit():
-                self._room = room
+            left = self._velocity_left()
+            if abs(left - self._left) > _CHANGE * self._limit():
+                self._left = left
                 self._plan()
         self.part.advance(dt)
         self.refresh()
@@ -180,7 +183,7 @@ class Superposition(Setpoint):
         """Distance that the superimposed motion still has to cover, axis unit."""
         return 0.0 if self._braking or self.given else self._target - self.part.s
 
-    def _velocity_room(self) -> float:
+    def _velocity_left(self) -> float:
         """Return what the basic motion leaves of the velocity limit in the direction of the superimposed one
         (MC-352).
         """
@@ -200,11 +203,11 @@ class Superposition(Setpoint):
             return
         acceleration, deceleration, jerk = self._dynamics
         self._bound_acceleration(jerk)
-        velocity = min(motion.velocity, self._room)
+        velocity = min(motion.velocity, self._left)
         if velocity > _CHANGE * self._limit():
             self.part.start_position(self._target, velocity, acceleration, deceleration, jerk)
         else:
-            self.part.start_velocity(0.0, acceleration, deceleration, jerk)  # waits until there is room
+            self.part.start_velocity(0.0, acceleration, deceleration, jerk)  # waits until velocity is left
 
     def _bound_acceleration(self, jerk: float) -> None:
         """Let a present acceleration end at once as far as `jerk` would end it only beyond the velocity limit
@@ -215,7 +218,7 @@ class Superposition(Setpoint):
         if a == 0.0 or jerk <= 0.0:
             return
         v = self._basic.v + part.v
-        room = self._limit() - abs(v) if v * a >= 0.0 else self._limit() + abs(v)
-        bound = sqrt(2.0 * jerk * max(0.0, room))
+        left = self._limit() - abs(v) if v * a >= 0.0 else self._limit() + abs(v)
+        bound = sqrt(2.0 * jerk * max(0.0, left))
         if abs(a) > bound:
             part.a = copysign(bound, a)

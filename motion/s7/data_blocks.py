@@ -1,7 +1,7 @@
 """Global data blocks of the user program that technology objects read by address (LIM-069 to LIM-072,
 VAR-023).
 
-An object that looks at a single bit, such as a hardware limit switch, is told where it is by a structure
+An object that looks at a single bit, such as a hardware limit switch, gets its address as a structure
 `VREF`: `RID`, `Area`, `DbNumber` and `Offset` in bits. That needs a block with standard access (not
 optimised), because only there an address is a place.
 """
@@ -139,7 +139,7 @@ class DataBlocks:
             block.data[:] = bytes(len(block.data))
 
     def problem(self, address: BitAddress) -> str:
-        """Return in words why there is no bit at an address; empty where there is one."""
+        """Return why there is no bit at an address; empty where there is one."""
         if address.rid != BOOL_RID:
             return f"RID = 16#{address.rid:08X}; allowed: 16#{BOOL_RID:08X}, a BOOL"
         if address.area != DATA_BLOCK_AREA:

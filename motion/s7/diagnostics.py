@@ -164,7 +164,7 @@ class Diagnosis:
     Args:
         axis: Name of the technology object.
         kind: Type of the technology object.
-        state: State of enabling and stopping, in words.
+        state: State of enabling and stopping, as text.
         words: `StatusWord`, `StatusWord2` (of an axis), `ErrorWord`, `WarningWord`.
         pages: Page -> indication -> value: a truth value for a bit, else the value of the variable.
         alarms: Pending alarms, the one of highest priority first: number, reaction, text.

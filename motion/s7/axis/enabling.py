@@ -159,7 +159,7 @@ class EnableControl:
         self._cause_431 = self._cause_421 = self._cause_411 = False
 
     def power_down(self) -> None:
-        """Begin anew, as after power-on."""
+        """Begin again, as after power-on."""
         command = self._command
         command.enable = command.switching_off = command.acknowledge = command.disable_pending = False
         self._joined = False

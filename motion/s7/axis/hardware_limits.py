@@ -194,7 +194,7 @@ class HardwareLimits:
                 )
 
     def address_problem(self) -> str:
-        """Return in words why a switch cannot be read at the address of its variable; empty if all can
+        """Return why a switch cannot be read at the address of its variable; empty if all can
         (LIM-072).
         """
         blocks = self._data_blocks()

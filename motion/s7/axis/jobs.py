@@ -91,7 +91,7 @@ class JobClass(IntEnum):
     HOMING = 7
     """`MC_Home` with `Mode` 3 or 5 (H2)."""
     PASSIVE_HOMING = 8
-    """`MC_Home` with `Mode` 2, 8 or 10 (H1); it waits beside the job in control."""
+    """`MC_Home` with `Mode` 2, 8 or 10 (H1); it waits while another job is in control."""
     NONE = 9
     """No motion: not in the table."""
 

@@ -23,7 +23,7 @@ CELLS: Final = {
 
 FATES: Final = {
     "T": "takes over",
-    "P": "runs beside it",
+    "P": "runs in parallel",
     "W": "waits",
     "R": "refused",
     "D": "Done at once",

@@ -180,7 +180,7 @@ class SoftwareLimits:
             low, high = self._modulo_range(given, position)
         if self._passed and not self._alarms.blocking:
             # Acknowledged: it may go inwards step by step, and where it is now it has not passed anything
-            # anew (LIM-094).
+            # again (LIM-094).
             self._passed = self._was_active = False
         if not self._was_active:
             self._was_active = True

@@ -291,7 +291,7 @@ class TechnologyObject(ABC):
 
     @abstractmethod
     def _power_down(self) -> None:
-        """Lose what is not retentive; `apply_configuration` then begins anew."""
+        """Lose what is not retentive; `apply_configuration` then begins again."""
 
     # -- acknowledging and restarting (section 2 of the stopping specification)
 

@@ -140,7 +140,7 @@ class Controller:
         """Go to RUN by a warm restart, as soon as every technology object is at rest; harmless in RUN.
 
         On the way, in STARTUP, `startup_program` runs and motion jobs are rejected with 16#800D. All
-        instances of instructions begin anew: `Execute`, `Enable` and jog inputs FALSE, outputs and memory as
+        instances of instructions begin again: `Execute`, `Enable` and jog inputs FALSE, outputs and memory as
         at the beginning; other inputs stay. In RUN the technology objects are initialised one after the
         other, one per cycle (MC-631).
 
@@ -241,7 +241,8 @@ class Controller:
         self._tell(f"technology object {name} loaded")
 
     def load_project(self, *, upgraded: bool = False) -> None:
-        """Load all technology objects anew, as with a project of another name, or with an upgraded version of
+        """Load all technology objects again, as with a project of another name, or with an upgraded version
+        of
         the same one.
 
         Another project knows nothing of the adjustment of an absolute encoder; an upgraded one keeps it

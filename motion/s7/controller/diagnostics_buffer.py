@@ -90,7 +90,7 @@ class DiagnosticsBuffer:
 
         Args:
             source: Who tells it.
-            text: What it is, in words.
+            text: What it is, as text.
             direction: Whether a condition comes or goes.
 
         """

@@ -77,7 +77,8 @@ class Instruction:
             setattr(self, key, value)
 
     def warm_restart(self) -> None:
-        """Get what a warm restart of the controller leaves: nothing is started, outputs and memory are as at
+        """Start again after a warm restart of the controller: nothing is started, outputs and memory are as
+        at
         the beginning.
 
         The inputs that start something fall to FALSE; the others, which a program gives with every call,

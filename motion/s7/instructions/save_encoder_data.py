@@ -86,7 +86,9 @@ class MC_SaveAbsoluteEncoderData:
             self.ErrorID = NO_ERROR
 
     def warm_restart(self) -> None:
-        """Get what a warm restart of the controller leaves: nothing runs, outputs are as at the beginning."""
+        """Start again after a warm restart of the controller: nothing runs, outputs are as at the
+        beginning.
+        """
         self._last = False
         self.Execute = self.Done = self.Busy = self.Error = False
         self.ErrorID = NO_ERROR
