@@ -327,7 +327,7 @@ class SafetyFunctions:
             self._watch_ss1(self._ss1)
         if self._ss2 is not None:
             self._watch_ss2(self._ss2)
-        if not self.torque_off:
+        if not self._state.torque_off:
             violation = self.monitors.watch()
             if violation is not None:
                 self._react(*violation)
@@ -351,7 +351,7 @@ class SafetyFunctions:
 
     def _watch_ss2(self, stop: _Stop) -> None:
         core = self._core
-        if self.holding:
+        if self._state.holding:
             if self._machine.state is not AxisState.S4:
                 self._halted = False
             elif not self._halted:
@@ -404,27 +404,27 @@ class SafetyFunctions:
             self.sto_input or self.sbc_input or reaction == _STO or (self._ss1 is not None and self._ss1.done)
         )
         self._state.holding = self._ss2 is not None and self._ss2.ramp and not torque_off
-        if not self.holding:
+        if not self._state.holding:
             self._halted = False
         elif self._machine.state is AxisState.S4 and not self._halted:
             self._halted = True
             self._mode.stop(quick=True)
         self.watching = self._ss1 is not None or self._ss2 is not None or self.monitors.selected
         self._state.off = int(Off.OFF2) if torque_off else int(Off.OFF3) if self.braking else 0
-        changed = torque_off is not self.torque_off
+        changed = torque_off is not self._state.torque_off
         self._state.torque_off = torque_off
         self.settle_brake()
         if changed:
             self._faults.warn(DriveWarning.SAFE_TORQUE_OFF, torque_off)
             if torque_off and common.sto == "fault" and self._core.enabled and self._ss1 is None:
                 self._raise_fault(numbers.SAFE_TORQUE_OFF)
-                self._faults.keep(numbers.SAFE_TORQUE_OFF, lambda: self.torque_off)
+                self._faults.keep(numbers.SAFE_TORQUE_OFF, lambda: self._state.torque_off)
         self._tell()
         self._act()
 
     def settle_brake(self) -> None:
         """Hold the brake closed as long as a function demands it."""
-        with_sto = self.torque_off and self._motion.sbc
+        with_sto = self._state.torque_off and self._motion.sbc
         self._core.brake.forced_closed = self.sbc_input or with_sto or self._state.testing_brake
 
     # -- words -----------------------------------------------------------------------------------------
@@ -442,11 +442,11 @@ class SafetyFunctions:
             self._ss1 is None
             and self._ss2 is None
             and self._reaction == _NOTHING
-            and not (self.torque_off or self.messages or monitors.selected)
+            and not (self._state.torque_off or self.messages or monitors.selected)
         ):
             return 0  # no safety function: the usual case, in every cycle
         return (
-            self.torque_off
+            self._state.torque_off
             | self.ss1_active << 1
             | (self.ss2_active and not self.ss2_external) << 2
             | monitors.sos_active << 3
