@@ -78,9 +78,9 @@ DEFAULT: Final = "S7-1500T"
 """Of an object that says nothing of its controller."""
 
 
-def level_of(technology_object: object) -> CompatibilityLevel:
-    """Return the controller that a technology object belongs to."""
-    return LEVELS[getattr(technology_object, "cpu", DEFAULT)]
+def level_of(cpu: str) -> CompatibilityLevel:
+    """Return the controller of this name, one of `LEVELS`."""
+    return LEVELS[cpu]
 
 
 def check_instruction(level: CompatibilityLevel, instruction: str) -> None:

@@ -55,7 +55,7 @@ class Instruction:
                 f"{self.instruction}.Axis", axis.name, f"one of {', '.join(self.object_types)}"
             )
         self.axis = axis
-        self.level = level_of(axis)
+        self.level = level_of(axis.cpu)
         check_instruction(self.level, self.instruction)
         self._absent = self.level.absent_inputs(self.instruction)
         self.name = name or axis.instance_name(self.instruction)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from motion.s7.axis.jobs import (
     ERROR_DIRECTION,
@@ -14,6 +14,9 @@ from motion.s7.axis.jobs import (
 )
 from motion.s7.instructions.base import DEFAULT, Instruction
 from motion.s7.instructions.dynamics import is_number, resolve
+
+if TYPE_CHECKING:
+    from motion.s7.axis.axis import TechnologyAxis
 
 
 class MC_MoveJog(Instruction):
@@ -37,7 +40,7 @@ class MC_MoveJog(Instruction):
     Jerk: float
     PositionControlled: bool
 
-    def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
         self.InVelocity = False
         self.CommandAborted = False
         self._job: Job | None = None

@@ -8,7 +8,7 @@ act until another one comes.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from motion.s7.axis.jobs import (
     ERROR_ACCELERATION,
@@ -22,6 +22,9 @@ from motion.s7.axis.jobs import (
 )
 from motion.s7.instructions.base import Instruction
 from motion.s7.instructions.dynamics import POSITION_LIMIT, is_number
+
+if TYPE_CHECKING:
+    from motion.s7.axis.axis import TechnologyAxis
 
 VELOCITY_MODE = 1
 """`StatusMotionIn.FunctionState` of `MC_MotionInVelocity` (MIN-011)."""
@@ -43,7 +46,7 @@ class _MotionIn(Instruction):
     """Inputs of the vector, with the ErrorID of one that is not permitted."""
     Enable: bool
 
-    def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
         self.CommandAborted = False
         self._job: Job | None = None
         self._last_enable = False

@@ -4,7 +4,7 @@ specification).
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from motion.s7.axis.jobs import (
     ERROR_ALARM,
@@ -22,6 +22,9 @@ from motion.s7.compatibility import level_of
 from motion.s7.instructions.base import DEFAULT, ExecuteInstruction
 from motion.s7.instructions.dynamics import POSITION_LIMIT, is_number, resolve
 from motion.s7.units import NANOMETRE
+
+if TYPE_CHECKING:
+    from motion.s7.axis.axis import TechnologyAxis
 
 _DYNAMICS: Final = {"Acceleration": DEFAULT, "Deceleration": DEFAULT, "Jerk": DEFAULT}
 
@@ -43,8 +46,8 @@ class _Positioning(ExecuteInstruction):
     Jerk: float
     BufferMode: int
 
-    def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
-        self._shows_active = level_of(axis).has_output(self.instruction, "Active")
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
+        self._shows_active = level_of(axis.cpu).has_output(self.instruction, "Active")
         if self._shows_active:
             self.Active = False
         super().__init__(axis, name=name, **inputs)
@@ -149,7 +152,7 @@ class MC_MoveVelocity(ExecuteInstruction):
     Current: bool
     PositionControlled: bool
 
-    def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
         self.InVelocity = False
         super().__init__(axis, name=name, **inputs)
 

@@ -4,7 +4,7 @@ specification).
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from motion.s7.axis.jobs import (
     ERROR_ADDITIVE_TORQUE,
@@ -17,6 +17,9 @@ from motion.s7.axis.torque import LIMIT_RANGE, TORQUE_RANGE
 from motion.s7.instructions.base import Instruction
 from motion.s7.instructions.dynamics import is_number
 
+if TYPE_CHECKING:
+    from motion.s7.axis.axis import TechnologyAxis
+
 
 class _EnableInstruction(Instruction):
     """Level-controlled: active while `Enable` is TRUE, from an edge on; no job aborts it (MC-082 to MC-085,
@@ -25,7 +28,7 @@ class _EnableInstruction(Instruction):
 
     Enable: bool
 
-    def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
         self._active = False
         self._last_enable = False
         super().__init__(axis, name=name, **inputs)
@@ -148,7 +151,7 @@ class MC_TorqueLimiting(_EnableInstruction):
     Limit: float
     Mode: int
 
-    def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
         self.InLimitation = False
         self.InClamping = False
         super().__init__(axis, name=name, **inputs)
