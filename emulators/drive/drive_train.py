@@ -47,7 +47,6 @@ class DriveTrain:
         supply: SupplyConfig,
         thermal: ThermalConfig,
         rated_torque_Nm: float,
-        motor_time_constant_s: float,
     ) -> PowerStage:
         """Return the power stage that feeds the motor: DC link, temperatures and overload.
 
@@ -55,7 +54,6 @@ class DriveTrain:
             supply: DC link and mains.
             thermal: Temperatures and overload.
             rated_torque_Nm: Continuous torque of the motor, Nm.
-            motor_time_constant_s: Time constant of the motor's i2t model, s.
 
         """
         return PowerStage(
@@ -63,7 +61,6 @@ class DriveTrain:
             supply=supply,
             thermal=thermal,
             rated_torque_Nm=rated_torque_Nm,
-            motor_time_constant_s=motor_time_constant_s,
         )
 
 

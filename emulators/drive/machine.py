@@ -7,8 +7,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
+from annotated_types import Ge, Le
+
+from emulators.checked_fields import BENCH_FILE_TABLE, check_fields
 from emulators.drive.brake import HoldingBrake
 from emulators.encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder
 from emulators.mechanics import AxisMechanics, LinearAxisMechanics, RotaryAxisMechanics, SwitchModel
@@ -256,58 +259,61 @@ class EncoderConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrakeConfig:
-    """Holding brake of the motor.
+    """`[drive.NAME.brake]`: holding brake of the motor.
 
-    Args:
-        torque_Nm: Holding torque, Nm; 0 = no brake.
-        opening_time_s: s.
-        closing_time_s: s.
+    Raises:
+        ConfigurationError: A value is out of its range.
 
     """
 
-    torque_Nm: float = 0.0
-    opening_time_s: float = 0.0
-    closing_time_s: float = 0.0
+    __pydantic_config__: ClassVar = BENCH_FILE_TABLE
+
+    torque_nm: Annotated[float, Ge(0.0), Le(100_000.0)] = 0.0
+    """Holding torque at the motor shaft; 0 = there is no brake."""
+    opening_time_ms: Annotated[float, Ge(0.0), Le(5000.0)] = 0.0
+    """From the command to the released shaft; setpoints pass only after it."""
+    closing_time_ms: Annotated[float, Ge(0.0), Le(5000.0)] = 0.0
+    """From the command to the full torque; the motor holds the axis for so long."""
 
     def __post_init__(self) -> None:
-        check_number("brake torque_Nm", self.torque_Nm)
-        check_number("brake opening_time_s", self.opening_time_s)
-        check_number("brake closing_time_s", self.closing_time_s)
+        check_fields(self, "brake")
 
     def build(self, mechanics: AxisMechanics) -> HoldingBrake:
         """Return the brake, which acts on `mechanics`."""
         return HoldingBrake(
             mechanics,
-            torque_Nm=self.torque_Nm,
-            opening_time_s=self.opening_time_s,
-            closing_time_s=self.closing_time_s,
+            torque_Nm=self.torque_nm,
+            opening_time_s=self.opening_time_ms / 1000.0,
+            closing_time_s=self.closing_time_ms / 1000.0,
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafetyConfig:
-    """Safety inputs of the drive (C402-030, C402-168).
+    """`[drive.NAME.safety]`: safety inputs of the drive (C402-030, C402-168).
 
-    Args:
-        sto: Safe torque off leads to `inhibit` (no torque, no fault) or to a `fault` (FF80h, F30600).
-        ss1_time_s: Safe stop 1: from the input to safe torque off, s.
-        ss1_monitored: The ramp of safe stop 1 is watched: torque off at standstill, and a fault (FF81h,
-            F01600) when the speed does not fall as it has to; False: torque off when the time has passed.
-        interlock: Input bit 3: `none` is wired; or what opening it does: `inhibit` (torque off),
-            `quick_stop`, `fault` 9000h.
+    Raises:
+        ConfigurationError: A value is out of its range.
 
     """
 
+    __pydantic_config__: ClassVar = BENCH_FILE_TABLE
+
     sto: Literal["inhibit", "fault"] = "inhibit"
-    ss1_time_s: float = 0.5
+    """Safe torque off leads to *Switch on disabled* with warning, or to a fault (FF80h, F30600)."""
+    ss1_time_ms: Annotated[float, Ge(1.0), Le(600_000.0)] = 500.0
+    """Safe stop 1: from the input to safe torque off."""
     ss1_monitored: bool = True
+    """The ramp of safe stop 1 is watched (fault FF81h, F01600), and safe torque off follows at standstill;
+    false: by time only.
+    """
     interlock: Literal["none", "inhibit", "quick_stop", "fault"] = "none"
+    """Input 60FDh bit 3: not wired; or what opening it does: torque off, quick stop, fault 9000h."""
 
     def __post_init__(self) -> None:
-        check_number("ss1_time_s", self.ss1_time_s, positive=True)
-        for name, allowed in (
-            ("sto", ("inhibit", "fault")),
-            ("interlock", ("none", "inhibit", "quick_stop", "fault")),
-        ):
-            if getattr(self, name) not in allowed:
-                raise ConfigurationError(name, getattr(self, name), ", ".join(allowed))
+        check_fields(self, "safety")
+
+    @property
+    def ss1_time_s(self) -> float:
+        """Time of safe stop 1, s."""
+        return self.ss1_time_ms / 1000.0

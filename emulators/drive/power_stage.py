@@ -25,7 +25,6 @@ class PowerStage:
         supply: DC link and mains.
         thermal: Temperatures and overload.
         rated_torque_Nm: Torque that the motor bears for ever, Nm.
-        motor_time_constant_s: i2t of the motor, s.
 
     """
 
@@ -55,7 +54,6 @@ class PowerStage:
         supply: SupplyConfig,
         thermal: ThermalConfig,
         rated_torque_Nm: float,
-        motor_time_constant_s: float,
     ) -> None:
         self._core = core
         self._mechanics = core.mechanics
@@ -69,25 +67,25 @@ class PowerStage:
         """Length of the last step of the models, s."""
         self.dc_link = DcLink(supply)
         self.motor_overload = ThermalModel(
-            rated_torque_Nm=rated_torque_Nm, time_constant_s=motor_time_constant_s
+            rated_torque_Nm=rated_torque_Nm, time_constant_s=thermal.i2t_time_constant_s
         )
         self.stage_overload = ThermalModel(
             rated_torque_Nm=rated_torque_Nm * thermal.stage_overload,
             time_constant_s=thermal.stage_overload_time_s,
         )
         self.motor = ThermalNode(
-            rise_K=thermal.motor_rise_K,
+            rise_K=thermal.motor_rise_k,
             time_constant_s=thermal.motor_time_constant_s,
-            ambient_C=thermal.ambient_C,
-            warning_C=thermal.motor_warning_C,
-            fault_C=thermal.motor_fault_C,
+            ambient_C=thermal.ambient_c,
+            warning_C=thermal.motor_warning_c,
+            fault_C=thermal.motor_fault_c,
         )
         self.stage = ThermalNode(
-            rise_K=thermal.stage_rise_K,
+            rise_K=thermal.stage_rise_k,
             time_constant_s=thermal.stage_time_constant_s,
-            ambient_C=thermal.ambient_C,
-            warning_C=thermal.stage_warning_C,
-            fault_C=thermal.stage_fault_C,
+            ambient_C=thermal.ambient_c,
+            warning_C=thermal.stage_warning_c,
+            fault_C=thermal.stage_fault_c,
         )
 
         self.drawn_J = self.returned_J = 0.0
@@ -122,7 +120,7 @@ class PowerStage:
         self._heat(square, dt_s)
         link = self.dc_link
         if square or not link.settled:
-            losses = self.thermal.motor_loss_W * square / (self._rated * self._rated)
+            losses = self.thermal.motor_loss_w * square / (self._rated * self._rated)
             power = work / self._mechanics.ratio + losses
             if power > 0.0:
                 self.drawn_J += power * dt_s

@@ -10,73 +10,71 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
+from annotated_types import Ge, Gt, Le
+
+from emulators.checked_fields import BENCH_FILE_TABLE, check_fields
 from fieldbus.errors import ConfigurationError
+
+Voltage = Annotated[float, Ge(1.0), Le(5000.0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SupplyConfig:
-    """High-level power of a drive.
-
-    Args:
-        nominal_V: Rectified mains voltage, V.
-        undervoltage_V: Below this the power stage cannot run, V.
-        overvoltage_V: Above this the power stage has to be switched off, V.
-        capacitance_F: Capacitance of the DC link, F.
-        charging_time_s: Time constant with which the rectifier charges the capacitor, s.
-        standby_W: What the drive itself takes out of the DC link, W.
-        chopper_on_V: The brake chopper begins to conduct here, V; inf = there is no chopper.
-        chopper_off_V: It ceases here, V.
-        chopper_ohm: Brake resistor, ohm.
-        chopper_rated_W: Power that the brake resistor bears for ever, W.
-        chopper_time_constant_s: Thermal time constant of the brake resistor, s.
-        phase_loss_time_s: A missing phase becomes a fault after this time in operation, s.
+    """`[drive.NAME.supply]`: DC link of the drive.
 
     Raises:
-        ConfigurationError: A value is not positive, or the voltages are not in order.
+        ConfigurationError: A value is out of its range, or the voltages are not in order.
 
     """
 
-    nominal_V: float = 560.0
-    undervoltage_V: float = 400.0
-    overvoltage_V: float = 780.0
-    capacitance_F: float = 500e-6
-    charging_time_s: float = 0.005
-    standby_W: float = 15.0
-    chopper_on_V: float = 720.0
-    chopper_off_V: float = 700.0
-    chopper_ohm: float = 30.0
-    chopper_rated_W: float = 200.0
-    chopper_time_constant_s: float = 20.0
-    phase_loss_time_s: float = 0.5
+    __pydantic_config__: ClassVar = BENCH_FILE_TABLE
+
+    nominal_v: Voltage = 560.0
+    """Rectified mains voltage."""
+    undervoltage_v: Voltage = 400.0
+    """Below this fault 3220h in operation, and bit 4 is 0; below `nominal_v`."""
+    overvoltage_v: Voltage = 780.0
+    """Above this fault 3210h; above `nominal_v`."""
+    capacitance_uf: Annotated[float, Ge(1.0), Le(1_000_000.0)] = 500.0
+    """Capacitance of the DC link."""
+    charging_time_ms: Annotated[float, Gt(0.0), Le(60_000.0)] = 5.0
+    """Time constant with which the rectifier charges the capacitor."""
+    standby_w: Annotated[float, Ge(0.0), Le(100_000.0)] = 15.0
+    """What the drive itself takes out of the DC link."""
+    chopper_on_v: Voltage = 720.0
+    """The brake chopper begins to conduct; up to `overvoltage_v`."""
+    chopper_off_v: Voltage = 700.0
+    """The brake chopper ceases to conduct; `nominal_v` to `chopper_on_v`."""
+    chopper_ohm: Annotated[float, Ge(0.1), Le(100_000.0)] = 30.0
+    """Brake resistor."""
+    chopper_rated_w: Annotated[float, Ge(1.0), Le(1_000_000.0)] = 200.0
+    """Continuous power of the brake resistor; more for long is fault 7112h."""
+    chopper_time_constant_s: Annotated[float, Ge(0.01), Le(100_000.0)] = 20.0
+    """Thermal time constant of the brake resistor."""
+    phase_loss_time_ms: Annotated[float, Ge(0.0), Le(60_000.0)] = 500.0
+    """A missing phase becomes fault 3130h after this time in operation."""
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.undervoltage_V < self.nominal_V < self.overvoltage_V < math.inf:
+        check_fields(self, "supply")
+        if not self.undervoltage_v < self.nominal_v < self.overvoltage_v:
             raise ConfigurationError(
                 "DC link",
-                (self.undervoltage_V, self.nominal_V, self.overvoltage_V),
-                "0 < undervoltage < nominal < overvoltage",
+                (self.undervoltage_v, self.nominal_v, self.overvoltage_v),
+                "undervoltage < nominal < overvoltage",
             )
-        for name in (
-            "capacitance_F",
-            "charging_time_s",
-            "chopper_ohm",
-            "chopper_rated_W",
-            "chopper_time_constant_s",
-        ):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ConfigurationError(name, getattr(self, name), "a finite number > 0")
-        for name in ("standby_W", "phase_loss_time_s"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise ConfigurationError(name, getattr(self, name), "a finite number >= 0")
-        if self.chopper_on_V < math.inf and not (
-            self.nominal_V <= self.chopper_off_V < self.chopper_on_V <= self.overvoltage_V
-        ):
+        if not self.nominal_v <= self.chopper_off_v < self.chopper_on_v <= self.overvoltage_v:
             raise ConfigurationError(
                 "chopper",
-                (self.chopper_off_V, self.chopper_on_V),
+                (self.chopper_off_v, self.chopper_on_v),
                 "nominal <= chopper off < chopper on <= overvoltage",
             )
+
+    @property
+    def phase_loss_time_s(self) -> float:
+        """Time after which a missing phase becomes a fault, s."""
+        return self.phase_loss_time_ms / 1000.0
 
 
 class DcLink:
@@ -88,6 +86,8 @@ class DcLink:
     """
 
     __slots__ = (
+        "_capacitance_F",
+        "_charging_time_s",
         "chopper_failed",
         "chopper_load",
         "chopper_overloaded",
@@ -103,7 +103,9 @@ class DcLink:
 
     def __init__(self, config: SupplyConfig | None = None) -> None:
         self.config = SupplyConfig() if config is None else config
-        self.voltage_V = self.config.nominal_V
+        self._capacitance_F = self.config.capacitance_uf * 1e-6
+        self._charging_time_s = self.config.charging_time_ms / 1000.0
+        self.voltage_V = self.config.nominal_v
         """Present voltage, V."""
         self.mains_on = True
         self.mains_share = 1.0
@@ -125,17 +127,17 @@ class DcLink:
     @property
     def mains_V(self) -> float:
         """Voltage to which the mains charge the DC link, V."""
-        return self.config.nominal_V * self.mains_share
+        return self.config.nominal_v * self.mains_share
 
     @property
     def low(self) -> bool:
         """Whether there is too little voltage."""
-        return self.voltage_V < self.config.undervoltage_V
+        return self.voltage_V < self.config.undervoltage_v
 
     @property
     def high(self) -> bool:
         """Whether there is too much voltage."""
-        return self.voltage_V > self.config.overvoltage_V
+        return self.voltage_V > self.config.overvoltage_v
 
     @property
     def settled(self) -> bool:
@@ -173,28 +175,28 @@ class DcLink:
         nominal = self.mains_V
         if self.mains_on and voltage <= nominal and power_W >= 0.0:
             # Under load the rectifier lags behind; at rest it ends exactly at its voltage.
-            charging = config.charging_time_s * (2.0 if self.phase_missing else 1.0)
-            target = max(nominal - power_W * charging / (config.capacitance_F * nominal), 0.0)
+            charging = self._charging_time_s * (2.0 if self.phase_missing else 1.0)
+            target = max(nominal - power_W * charging / (self._capacitance_F * nominal), 0.0)
             voltage = target + (voltage - target) * math.exp(-dt_s / charging)
             if abs(voltage - target) < 1e-3:
                 voltage = target
         else:
-            energy = 0.5 * config.capacitance_F * voltage * voltage - (power_W + config.standby_W) * dt_s
-            voltage = math.sqrt(max(2.0 * energy / config.capacitance_F, 0.0))
+            energy = 0.5 * self._capacitance_F * voltage * voltage - (power_W + config.standby_w) * dt_s
+            voltage = math.sqrt(max(2.0 * energy / self._capacitance_F, 0.0))
             if self.mains_on and voltage < nominal:
                 voltage = nominal
         burnt = 0.0
-        if voltage >= config.chopper_on_V:
+        if voltage >= config.chopper_on_v:
             self.chopping = True
         if self.chopping:
-            if self.chopper_failed or self.chopper_overloaded or voltage <= config.chopper_off_V:
+            if self.chopper_failed or self.chopper_overloaded or voltage <= config.chopper_off_v:
                 self.chopping = False
             else:
-                after = voltage * math.exp(-dt_s / (config.chopper_ohm * config.capacitance_F))
-                if after <= config.chopper_off_V:
-                    after = config.chopper_off_V
+                after = voltage * math.exp(-dt_s / (config.chopper_ohm * self._capacitance_F))
+                if after <= config.chopper_off_v:
+                    after = config.chopper_off_v
                     self.chopping = False
-                burnt = 0.5 * config.capacitance_F * (voltage * voltage - after * after) / dt_s
+                burnt = 0.5 * self._capacitance_F * (voltage * voltage - after * after) / dt_s
                 voltage = after
         self.voltage_V = voltage
         self._cool(burnt, dt_s)
@@ -204,7 +206,7 @@ class DcLink:
         self.chopper_power_W = burnt
         if not burnt and not self.chopper_load:
             return
-        load = burnt / config.chopper_rated_W
+        load = burnt / config.chopper_rated_w
         utilisation = load + (self.chopper_load - load) * math.exp(-dt_s / config.chopper_time_constant_s)
         self.chopper_load = utilisation if utilisation > 1e-6 else 0.0
         if utilisation > 1.0:

@@ -8,71 +8,70 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
 
+from annotated_types import Ge, Le
+
+from emulators.checked_fields import BENCH_FILE_TABLE, check_fields
 from fieldbus.errors import ConfigurationError
+
+Seconds = Annotated[float, Ge(0.01), Le(100_000.0)]
+Rise = Annotated[float, Ge(0.1), Le(1000.0)]
+Temperature = Annotated[float, Ge(-60.0), Le(400.0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThermalConfig:
-    """Thermal behaviour of motor and power stage.
-
-    Args:
-        ambient_C: Temperature around the drive, degrees Celsius.
-        motor_rise_K: Steady rise of the motor above ambient at rated torque, K.
-        motor_time_constant_s: s.
-        motor_warning_C: Warning from here on.
-        motor_fault_C: Fault 4310h from here on.
-        motor_loss_W: Copper losses at rated torque, W; they come out of the DC link.
-        stage_rise_K: Steady rise of the power stage above ambient at rated torque, K.
-        stage_time_constant_s: s.
-        stage_warning_C: Warning from here on.
-        stage_fault_C: Fault 4210h from here on.
-        stage_overload: Torque that the power stage bears for ever, as a multiple of the motor's rated torque.
-        stage_overload_time_s: Time constant of the i2t of the power stage, s.
-        overload: What i2t does at its end: `fault` (motor 2310h, power stage 2350h), or `limit` the
-            torque to what is borne for ever.
+    """`[drive.NAME.thermal]`: heat of motor and power stage.
 
     Raises:
-        ConfigurationError: A value is not positive, or a fault threshold is not above its warning.
+        ConfigurationError: A value is out of its range, or a fault threshold is not above its warning.
 
     """
 
-    ambient_C: float = 25.0
-    motor_rise_K: float = 80.0
-    motor_time_constant_s: float = 600.0
-    motor_warning_C: float = 120.0
-    motor_fault_C: float = 140.0
-    motor_loss_W: float = 60.0
-    stage_rise_K: float = 35.0
-    stage_time_constant_s: float = 120.0
-    stage_warning_C: float = 85.0
-    stage_fault_C: float = 95.0
-    stage_overload: float = 2.0
-    stage_overload_time_s: float = 20.0
+    __pydantic_config__: ClassVar = BENCH_FILE_TABLE
+
     overload: Literal["fault", "limit"] = "fault"
+    """At the end of i²t: fault 2310h (motor) or 2350h (power stage), or the torque is limited to the
+    continuous one (bit 11).
+    """
+    i2t_time_constant_s: Seconds = 40.0
+    """i²t of the motor."""
+    stage_overload: Annotated[float, Ge(0.1), Le(100.0)] = 2.0
+    """Continuous torque of the power stage, as a multiple of `rated_torque_nm`."""
+    stage_overload_time_s: Seconds = 20.0
+    """i²t of the power stage."""
+    ambient_c: Temperature = 25.0
+    """Temperature around the drive."""
+    motor_rise_k: Rise = 80.0
+    """Steady rise of the motor at rated torque."""
+    motor_time_constant_s: Seconds = 600.0
+    """Time constant of the temperature of the motor."""
+    motor_warning_c: Temperature = 120.0
+    """The drive warns from here on; above `ambient_c`."""
+    motor_fault_c: Temperature = 140.0
+    """Fault 4310h; above `motor_warning_c`."""
+    motor_loss_w: Annotated[float, Ge(0.0), Le(1_000_000.0)] = 60.0
+    """Copper losses at rated torque, out of the DC link."""
+    stage_rise_k: Rise = 35.0
+    """Steady rise of the power stage at rated torque."""
+    stage_time_constant_s: Seconds = 120.0
+    """Time constant of the temperature of the power stage."""
+    stage_warning_c: Temperature = 85.0
+    """The drive warns from here on; above `ambient_c`."""
+    stage_fault_c: Temperature = 95.0
+    """Fault 4210h; above `stage_warning_c`."""
 
     def __post_init__(self) -> None:
-        for name in (
-            "motor_rise_K",
-            "motor_time_constant_s",
-            "stage_rise_K",
-            "stage_time_constant_s",
-            "stage_overload",
-            "stage_overload_time_s",
+        check_fields(self, "thermal")
+        for part, warning, fault in (
+            ("motor", self.motor_warning_c, self.motor_fault_c),
+            ("stage", self.stage_warning_c, self.stage_fault_c),
         ):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ConfigurationError(name, getattr(self, name), "a finite number > 0")
-        if not 0.0 <= self.motor_loss_W < math.inf:
-            raise ConfigurationError("motor_loss_W", self.motor_loss_W, "a finite number >= 0")
-        for part in ("motor", "stage"):
-            warning, fault = getattr(self, f"{part}_warning_C"), getattr(self, f"{part}_fault_C")
-            if not self.ambient_C < warning < fault < math.inf:
+            if not self.ambient_c < warning < fault:
                 raise ConfigurationError(
-                    f"{part} temperatures", (self.ambient_C, warning, fault), "ambient < warning < fault"
+                    f"{part} temperatures", (self.ambient_c, warning, fault), "ambient < warning < fault"
                 )
-        if self.overload not in ("fault", "limit"):
-            raise ConfigurationError("overload", self.overload, "fault, limit")
 
 
 class ThermalModel:

@@ -21,6 +21,9 @@ from pydantic import (
     model_validator,
 )
 
+from emulators.drive.machine import BrakeConfig, SafetyConfig
+from emulators.drive.supply import SupplyConfig
+from emulators.drive.thermal import ThermalConfig
 from fieldbus.clock import MS
 from fieldbus.errors import ConfigurationError
 from fieldbus.node_clock import NodeClock
@@ -28,8 +31,6 @@ from hil.bench._table import NodeId, Port, RampTime, Table, Time_ms, Word, refus
 from hil.bench.drive_tables import (
     AnalogTable,
     AnySecondEncoder,
-    BrakeTable,
-    Cia402SafetyTable,
     HomingTable,
     MechanicsTable,
     NoSecondEncoder,
@@ -38,9 +39,7 @@ from hil.bench.drive_tables import (
     ProfidriveTable,
     PtoTable,
     SecondEncoderTable,
-    SupplyTable,
     SwitchTable,
-    ThermalTable,
 )
 from hil.bench.segment_config import CanTable
 
@@ -298,7 +297,7 @@ class _ServoTable(_DriveTable):
     """
     mechanics: MechanicsTable = MechanicsTable()
     switches: SwitchTable = SwitchTable()
-    brake: BrakeTable = BrakeTable()
+    brake: BrakeConfig = BrakeConfig()
 
     @model_validator(mode="after")
     def _index_within_revolution(self) -> _ServoTable:
@@ -350,7 +349,7 @@ class _ServoTable(_DriveTable):
                 counts_per_revolution=self.increments_per_revolution,
                 zero_mark_counts=self.index_increments,
             ),
-            "brake": self.brake.build(),
+            "brake": self.brake,
             "input_filter_s": self.switches.input_filter_ms / 1000.0,
             "rated_torque_Nm": self.rated_torque_nm,
         }
@@ -367,16 +366,15 @@ class _PoweredServoTable(_ServoTable):
     """Time of transition 3 in the emulated drive."""
     blocked_time_ms: Annotated[float, Field(ge=0.0, le=60_000.0)] = 0.0
     """Torque limit at standstill for this long is fault 7121h of the emulated drive; 0 = not watched."""
-    supply: SupplyTable = SupplyTable()
-    thermal: ThermalTable = ThermalTable()
+    supply: SupplyConfig = SupplyConfig()
+    thermal: ThermalConfig = ThermalConfig()
 
     def powered_parts(self) -> dict[str, Any]:
         """Return what an emulated servo drive on a bus is built of."""
         return {
             **self.servo_parts(),
-            "supply": self.supply.build(),
-            "thermal": self.thermal.build(),
-            "thermal_time_constant_s": self.thermal.i2t_time_constant_s,
+            "supply": self.supply,
+            "thermal": self.thermal,
             "power_on_delay_s": self.power_on_delay_ms / 1000.0,
             "blocked_time_s": self.blocked_time_ms / 1000.0,
         }
@@ -410,7 +408,7 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable):
     product.
     """
     homing: HomingTable = HomingTable()
-    safety: Cia402SafetyTable = Cia402SafetyTable()
+    safety: SafetyConfig = SafetyConfig()
 
     @field_validator("personality")
     @classmethod
@@ -447,7 +445,7 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable):
             servo_period_ns=bench.servo_period_ns,
             control_period_ns=bench.control_period_ns,
             **self.powered_parts(),
-            safety=self.safety.build(),
+            safety=self.safety,
             homing_move=self.homing.move,
             hard_stop_methods=self.homing.methods(),
             following_error_reaction=self.following_error,

@@ -24,12 +24,10 @@ from hil.bench._encoder_tables import (
 from hil.bench._table import Finite, NotNegative, Positive, Table, Time_ms
 
 if TYPE_CHECKING:
-    from emulators.drive.machine import BrakeConfig, LinearAxisConfig, SafetyConfig
+    from emulators.drive.machine import LinearAxisConfig, SafetyConfig
     from emulators.drive.profidrive.positioner.config import PositionerSettings
     from emulators.drive.profidrive.safety.config import SafeMotionConfig
     from emulators.drive.profidrive.second_encoder import SecondEncoderConfig
-    from emulators.drive.supply import SupplyConfig
-    from emulators.drive.thermal import ThermalConfig
     from emulators.encoder.profidrive import EncoderFormat
 
 Voltage = Annotated[float, Field(ge=1.0, le=5000.0)]
@@ -214,138 +212,8 @@ class HomingTable(Table):
         return {number: name for number, name in methods.items() if name != "unsupported"}
 
 
-class BrakeTable(Table):
-    """`[drive.NAME.brake]`: holding brake of the motor."""
-
-    torque_nm: Annotated[float, Field(ge=0.0, le=100_000.0)] = 0.0
-    """Holding torque at the motor shaft; 0 = there is no brake."""
-    opening_time_ms: Time_ms = 0.0
-    """From the command to the released shaft; setpoints pass only after it."""
-    closing_time_ms: Time_ms = 0.0
-    """From the command to the full torque; the motor holds the axis for so long."""
-
-    def build(self) -> BrakeConfig:
-        """Return the configuration of the emulated drive."""
-        from emulators.drive.machine import BrakeConfig
-
-        return BrakeConfig(
-            torque_Nm=self.torque_nm,
-            opening_time_s=self.opening_time_ms / 1000.0,
-            closing_time_s=self.closing_time_ms / 1000.0,
-        )
-
-
-class SupplyTable(Table):
-    """`[drive.NAME.supply]`: DC link of the drive."""
-
-    nominal_v: Voltage = 560.0
-    """Rectified mains voltage."""
-    undervoltage_v: Voltage = 400.0
-    """Below this fault 3220h in operation, and bit 4 is 0; below `nominal_v`."""
-    overvoltage_v: Voltage = 780.0
-    """Above this fault 3210h; above `nominal_v`."""
-    capacitance_uf: Annotated[float, Field(ge=1.0, le=1_000_000.0)] = 500.0
-    """Capacitance."""
-    standby_w: Annotated[float, Field(ge=0.0, le=100_000.0)] = 15.0
-    """What the drive itself takes out of the DC link."""
-    chopper_on_v: Voltage = 720.0
-    """The brake chopper begins to conduct; up to `overvoltage_v`."""
-    chopper_off_v: Voltage = 700.0
-    """The brake chopper ceases to conduct; `nominal_v` to `chopper_on_v`."""
-    chopper_ohm: Annotated[float, Field(ge=0.1, le=100_000.0)] = 30.0
-    """Brake resistor."""
-    chopper_rated_w: Annotated[float, Field(ge=1.0, le=1_000_000.0)] = 200.0
-    """What the resistor bears for ever; more for long is fault 7112h."""
-    phase_loss_time_ms: Annotated[float, Field(ge=0.0, le=60_000.0)] = 500.0
-    """A missing phase becomes fault 3130h after this time in operation."""
-
-    @model_validator(mode="after")
-    def _builds(self) -> SupplyTable:
-        if self.model_fields_set:
-            self.build()
-        return self
-
-    def build(self) -> SupplyConfig:
-        """Return the configuration of the emulated drive."""
-        from emulators.drive.supply import SupplyConfig
-
-        return SupplyConfig(
-            nominal_V=self.nominal_v,
-            undervoltage_V=self.undervoltage_v,
-            overvoltage_V=self.overvoltage_v,
-            capacitance_F=self.capacitance_uf * 1e-6,
-            standby_W=self.standby_w,
-            chopper_on_V=self.chopper_on_v,
-            chopper_off_V=self.chopper_off_v,
-            chopper_ohm=self.chopper_ohm,
-            chopper_rated_W=self.chopper_rated_w,
-            phase_loss_time_s=self.phase_loss_time_ms / 1000.0,
-        )
-
-
-class ThermalTable(Table):
-    """`[drive.NAME.thermal]`: heat of motor and power stage."""
-
-    overload: Literal["fault", "limit"] = "fault"
-    """At the end of i²t: fault 2310h (motor) or 2350h (power stage), or the torque is limited to what is
-    borne for ever (bit 11).
-    """
-    i2t_time_constant_s: Seconds = 40.0
-    """I²t of the motor."""
-    stage_overload: Annotated[float, Field(ge=0.1, le=100.0)] = 2.0
-    """Torque that the power stage bears for ever, as a multiple of `rated_torque_nm`."""
-    stage_overload_time_s: Seconds = 20.0
-    """I²t of the power stage."""
-    ambient_c: Temperature = 25.0
-    """Surroundings."""
-    motor_rise_k: Annotated[float, Field(ge=0.1, le=1000.0)] = 80.0
-    """Steady rise of the motor at rated torque."""
-    motor_time_constant_s: Seconds = 600.0
-    """Of the motor's temperature."""
-    motor_warning_c: Temperature = 120.0
-    """The drive warns above this temperature; above `ambient_c`."""
-    motor_fault_c: Temperature = 140.0
-    """Fault 4310h; above `motor_warning_c`."""
-    motor_loss_w: Annotated[float, Field(ge=0.0, le=1_000_000.0)] = 60.0
-    """Copper losses at rated torque, out of the DC link."""
-    stage_rise_k: Annotated[float, Field(ge=0.1, le=1000.0)] = 35.0
-    """Steady rise of the power stage at rated torque."""
-    stage_time_constant_s: Seconds = 120.0
-    """Of the power stage's temperature."""
-    stage_warning_c: Temperature = 85.0
-    """The drive warns above this temperature; above `ambient_c`."""
-    stage_fault_c: Temperature = 95.0
-    """Fault 4210h; above `stage_warning_c`."""
-
-    @model_validator(mode="after")
-    def _builds(self) -> ThermalTable:
-        if self.model_fields_set:
-            self.build()
-        return self
-
-    def build(self) -> ThermalConfig:
-        """Return the configuration of the emulated drive, without the time constant of i2t."""
-        from emulators.drive.thermal import ThermalConfig
-
-        return ThermalConfig(
-            ambient_C=self.ambient_c,
-            motor_rise_K=self.motor_rise_k,
-            motor_time_constant_s=self.motor_time_constant_s,
-            motor_warning_C=self.motor_warning_c,
-            motor_fault_C=self.motor_fault_c,
-            motor_loss_W=self.motor_loss_w,
-            stage_rise_K=self.stage_rise_k,
-            stage_time_constant_s=self.stage_time_constant_s,
-            stage_warning_C=self.stage_warning_c,
-            stage_fault_C=self.stage_fault_c,
-            stage_overload=self.stage_overload,
-            stage_overload_time_s=self.stage_overload_time_s,
-            overload=self.overload,
-        )
-
-
-class _SafetyTable(Table):
-    """Safety functions of any servo drive on a bus."""
+class ProfidriveSafetyTable(Table):
+    """`[drive.NAME.safety]`: safety functions of a PROFIdrive axis."""
 
     sto: Literal["inhibit", "fault"] = "inhibit"
     """Safe torque off leads to *Switch on disabled* with warning, or to fault FF80h."""
@@ -353,29 +221,6 @@ class _SafetyTable(Table):
     """Safe stop 1: from the input to safe torque off."""
     ss1_monitored: bool = True
     """Its ramp is watched (FF81h), and safe torque off follows at standstill; false: by time only."""
-
-
-class Cia402SafetyTable(_SafetyTable):
-    """`[drive.NAME.safety]`: safety functions of a CiA 402 drive."""
-
-    interlock: Literal["none", "inhibit", "quick_stop", "fault"] = "none"
-    """Input 60FDh bit 3: not wired; or what opening it does."""
-
-    def build(self) -> SafetyConfig:
-        """Return the configuration of the emulated drive."""
-        from emulators.drive.machine import SafetyConfig
-
-        return SafetyConfig(
-            sto=self.sto,
-            ss1_time_s=self.ss1_time_ms / 1000.0,
-            ss1_monitored=self.ss1_monitored,
-            interlock=self.interlock,
-        )
-
-
-class ProfidriveSafetyTable(_SafetyTable):
-    """`[drive.NAME.safety]`: safety functions of a PROFIdrive axis."""
-
     ss1_external: bool = False
     """Safe stop 1 leaves the braking to the controller (SS1E): safe torque off when its time has passed."""
     ss2_time_ms: SafeTime_ms = 500.0
@@ -429,9 +274,7 @@ class ProfidriveSafetyTable(_SafetyTable):
         """Return the configuration of what every drive has."""
         from emulators.drive.machine import SafetyConfig
 
-        return SafetyConfig(
-            sto=self.sto, ss1_time_s=self.ss1_time_ms / 1000.0, ss1_monitored=self.ss1_monitored
-        )
+        return SafetyConfig(sto=self.sto, ss1_time_ms=self.ss1_time_ms, ss1_monitored=self.ss1_monitored)
 
     def build_motion(self) -> SafeMotionConfig:
         """Return the configuration of the functions of a PROFIdrive axis."""

@@ -42,7 +42,6 @@ class DriveConfig:
         tuning: Gains of the cascade.
         rated_current_A: What 1000 permille of 6078h are, A.
         rated_torque_Nm: What 1000 permille of 6077h are, Nm.
-        thermal_time_constant_s: i2t model of the motor, s.
         supply: DC link and mains.
         thermal: Temperatures and overload.
         safety: Safety inputs.
@@ -85,7 +84,6 @@ class DriveConfig:
     tuning: ServoTuning = field(default_factory=ServoTuning)
     rated_current_A: float = 5.0
     rated_torque_Nm: float = 2.0
-    thermal_time_constant_s: float = 40.0
     supply: SupplyConfig = field(default_factory=SupplyConfig)
     thermal: ThermalConfig = field(default_factory=ThermalConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
@@ -121,7 +119,7 @@ class DriveConfig:
                 self.servo_period_ns,
                 f"a divisor of control_period_ns = {self.control_period_ns}",
             )
-        for name in ("rated_current_A", "rated_torque_Nm", "thermal_time_constant_s"):
+        for name in ("rated_current_A", "rated_torque_Nm"):
             check_number(name, getattr(self, name), positive=True)
         for name in ("boot_time_s", "self_test_s", "power_on_delay_s", "blocked_time_s"):
             check_number(name, getattr(self, name))

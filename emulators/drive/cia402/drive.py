@@ -152,7 +152,6 @@ class CiA402Drive(MainsDrive):
                 supply=config.supply,
                 thermal=config.thermal,
                 rated_torque_Nm=config.rated_torque_Nm,
-                motor_time_constant_s=config.thermal_time_constant_s,
             ),
             control_period_ns=config.control_period_ns,
         )

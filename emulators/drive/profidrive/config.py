@@ -185,7 +185,6 @@ class ProfidriveConfig:
         brake: The holding brake.
         tuning: Gains of the cascade.
         rated_torque_Nm: Torque that the motor bears for ever, Nm.
-        thermal_time_constant_s: i2t of the motor, s.
         supply: DC link and mains.
         thermal: Temperatures and overload.
         safety: Safety inputs; an interlock is not among them.
@@ -225,7 +224,6 @@ class ProfidriveConfig:
     brake: BrakeConfig = field(default_factory=BrakeConfig)
     tuning: ServoTuning = field(default_factory=ServoTuning)
     rated_torque_Nm: float = 2.0
-    thermal_time_constant_s: float = 40.0
     supply: SupplyConfig = field(default_factory=SupplyConfig)
     thermal: ThermalConfig = field(default_factory=ThermalConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
@@ -274,8 +272,7 @@ class ProfidriveConfig:
             raise ConfigurationError(
                 "cycle_ns", self.cycle_ns, f"a multiple of servo_period_ns = {self.servo_period_ns}"
             )
-        for name in ("rated_torque_Nm", "thermal_time_constant_s"):
-            check_number(name, getattr(self, name), positive=True)
+        check_number("rated_torque_Nm", self.rated_torque_Nm, positive=True)
         for name in ("power_on_delay_s", "blocked_time_s", "input_filter_s"):
             check_number(name, getattr(self, name))
         for name in ("fine_xist1", "fine_xist2"):

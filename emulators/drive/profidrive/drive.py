@@ -164,7 +164,6 @@ class ProfidriveDrive:
             supply=config.supply,
             thermal=config.thermal,
             rated_torque_Nm=config.rated_torque_Nm,
-            motor_time_constant_s=config.thermal_time_constant_s,
         )
         self.faults = FaultState(scheduler)
         self.faults.on_fault = self._on_fault

@@ -232,7 +232,7 @@ def test_enable_again_while_it_brakes():
 def test_machine_switches_brake_and_faults():
     """Switches are told, a brake closes without torque, and machine faults act as with every drive."""
     mechanics = LinearAxisConfig(switches={"positive_limit": SwitchConfig(low=0.05)}, stops_m=(None, None))
-    rig = Rig(mechanics=mechanics, brake=BrakeConfig(torque_Nm=3.0), stop_ramp_s=0.1)
+    rig = Rig(mechanics=mechanics, brake=BrakeConfig(torque_nm=3.0), stop_ramp_s=0.1)
     seen = []
     rig.drive.on_inputs.append(seen.append)
     assert rig.drive.trace_row()[rig.drive.trace_columns.index(("brake_closed", ""))]

@@ -16,7 +16,8 @@ def opening(mode: int, **objects: int) -> DriveBench:
     """Return a bench that is enabled in a mode, with 0.1 s to go until the brake is open."""
     bench = DriveBench(
         replace(
-            DriveConfig.reference(), brake=BrakeConfig(torque_Nm=3.0, opening_time_s=0.1, closing_time_s=0.05)
+            DriveConfig.reference(),
+            brake=BrakeConfig(torque_nm=3.0, opening_time_ms=100.0, closing_time_ms=50.0),
         )
     )
     bench.configure({0x6081: 1_200_000, 0x6083: 6_000_000, 0x6084: 6_000_000})

@@ -34,7 +34,7 @@ def test_braking_energy_raises_the_voltage_as_the_capacitor_says():
     out.
     """
     for steps in (1, 100):
-        link = DcLink(SupplyConfig(standby_W=0.0))
+        link = DcLink(SupplyConfig(standby_w=0.0))
         for _ in range(steps):
             link.update(-1000.0, 0.02 / steps)
         assert link.voltage_V == pytest.approx(math.sqrt(560.0**2 + 2 * 20.0 / 500e-6), rel=1e-9)
@@ -70,7 +70,7 @@ def test_load_lets_the_rectified_voltage_sag():
 
 def test_the_chopper_burns_what_the_motor_returns():
     """The chopper keeps the voltage between its thresholds; its mean power is that of the braking motor."""
-    link = DcLink(SupplyConfig(chopper_rated_W=1e6))
+    link = DcLink(SupplyConfig(chopper_rated_w=1e6))
     burnt = 0.0
     for _ in range(2000):
         link.update(-2000.0, 0.001)
@@ -84,7 +84,7 @@ def test_an_overloaded_or_broken_chopper_lets_the_voltage_rise():
     """A resistor that is too hot is switched off until it has cooled; then the voltage rises without
     bound.
     """
-    link = DcLink(SupplyConfig(chopper_rated_W=50.0, chopper_time_constant_s=5.0))
+    link = DcLink(SupplyConfig(chopper_rated_w=50.0, chopper_time_constant_s=5.0))
     while not link.chopper_overloaded:
         link.update(-2000.0, 0.001)
         assert not link.high
@@ -102,11 +102,11 @@ def test_an_overloaded_or_broken_chopper_lets_the_voltage_rise():
 @pytest.mark.parametrize(
     "values",
     [
-        {"nominal_V": 300.0},
-        {"capacitance_F": 0.0},
-        {"chopper_off_V": 730.0},
-        {"chopper_on_V": 900.0},
-        {"standby_W": -1.0},
+        {"nominal_v": 300.0},
+        {"capacitance_uf": 0.0},
+        {"chopper_off_v": 730.0},
+        {"chopper_on_v": 900.0},
+        {"standby_w": -1.0},
     ],
 )
 def test_impossible_supplies_are_refused(values):
@@ -147,7 +147,7 @@ def test_i2t_of_a_changing_torque_is_that_of_its_square():
 @pytest.mark.requirement("C402-160", "C402-041")
 def test_overload_warns_trips_and_has_to_recover(make_bench):
     """A blocked motor: warning bit 7 with its cause, fault 2310h; no reset before i2t is back at 100 %."""
-    bench = make_bench(with_parts(thermal_time_constant_s=2.0))
+    bench = make_bench(with_parts(thermal=ThermalConfig(i2t_time_constant_s=2.0)))
     bench.enable(3)
     bench.write(0x60FF, 1_000_000)
     bench.drive.jam(True)
@@ -174,7 +174,7 @@ def test_overload_can_limit_the_torque_instead(make_bench):
     free again.
     """
     bench = make_bench(
-        with_parts(thermal_time_constant_s=1.0, thermal=ThermalConfig(overload="limit"), blocked_time_s=0.0)
+        with_parts(thermal=ThermalConfig(i2t_time_constant_s=1.0, overload="limit"), blocked_time_s=0.0)
     )
     bench.enable(3)
     bench.write(0x60FF, 1_000_000)
@@ -238,7 +238,7 @@ def test_a_motor_gets_hot_by_work_and_stays_hot_without_supply(make_bench):
     """Rated torque for a long time heats by 80 K; power-off forgets i2t but not the heat."""
     mechanics = RotaryAxisConfig(load_torque=-2.0, coulomb_friction=0.0)
     bench = make_bench(
-        DriveConfig(mechanics=mechanics, thermal=ThermalConfig(motor_time_constant_s=2.0, motor_loss_W=0.0))
+        DriveConfig(mechanics=mechanics, thermal=ThermalConfig(motor_time_constant_s=2.0, motor_loss_w=0.0))
     )
     bench.enable(3)
     bench.run(10.0)
@@ -259,8 +259,8 @@ def test_braking_shows_in_the_dc_link(make_bench):
     bench = make_bench(
         with_parts(
             mechanics=replace(REFERENCE.mechanics, coulomb_friction=0.0, viscous_friction=0.0),
-            supply=SupplyConfig(standby_W=0.0),
-            thermal=ThermalConfig(motor_loss_W=0.0),
+            supply=SupplyConfig(standby_w=0.0),
+            thermal=ThermalConfig(motor_loss_w=0.0),
         )
     )
     bench.write(0x6085, 60_000_000)
@@ -281,8 +281,8 @@ def test_braking_against_a_chopper_that_gives_up(make_bench, failed, first):
         DriveConfig(
             mechanics=RotaryAxisConfig(load_torque=5.0, coulomb_friction=0.0),
             rated_torque_Nm=5.0,
-            supply=SupplyConfig(chopper_rated_W=20.0),
-            thermal=ThermalConfig(motor_loss_W=0.0),
+            supply=SupplyConfig(chopper_rated_w=20.0),
+            thermal=ThermalConfig(motor_loss_w=0.0),
             objects={(0x6083, 0): 60000, (0x605E, 0): 1, (0x6084, 0): 600},
         )
     )
@@ -372,7 +372,7 @@ def test_a_missing_phase(make_bench):
 @pytest.mark.requirement("C402-030")
 def test_safe_stop_1_brakes_and_then_takes_the_torque(make_bench):
     """SS1: quick stop, torque off at standstill, no enabling while the input is there, no fault."""
-    bench = make_bench(with_parts(safety=SafetyConfig(ss1_time_s=0.4)))
+    bench = make_bench(with_parts(safety=SafetyConfig(ss1_time_ms=400.0)))
     bench.spin()
     bench.drive.set_ss1(True)
     bench.run(0.05)
@@ -395,7 +395,7 @@ def test_the_ramp_of_safe_stop_1_is_monitored(make_bench):
     """A quick stop that is slower than safe stop 1 allows: torque off and FF81h, which needs the input
     released.
     """
-    bench = make_bench(with_parts(safety=SafetyConfig(ss1_time_s=0.2)))
+    bench = make_bench(with_parts(safety=SafetyConfig(ss1_time_ms=200.0)))
     bench.spin()
     bench.write(0x6085, 500_000)
     bench.drive.set_ss1(True)
@@ -413,7 +413,7 @@ def test_the_ramp_of_safe_stop_1_is_monitored(make_bench):
 @pytest.mark.requirement("C402-030")
 def test_safe_stop_1_by_time_only(make_bench):
     """Not monitored: the torque goes when the time is over, standstill or not, and that is no fault."""
-    bench = make_bench(with_parts(safety=SafetyConfig(ss1_time_s=0.2, ss1_monitored=False)))
+    bench = make_bench(with_parts(safety=SafetyConfig(ss1_time_ms=200.0, ss1_monitored=False)))
     bench.spin()
     bench.write(0x6085, 500_000)
     bench.drive.set_ss1(True)
@@ -428,7 +428,7 @@ def test_safe_stop_1_cannot_be_left_by_transition_16(make_bench):
     """In a quick stop that stays enabled, 000Fh does not lead back to operation while safe stop 1 is
     demanded.
     """
-    bench = make_bench(with_parts(safety=SafetyConfig(ss1_time_s=0.5, ss1_monitored=False)))
+    bench = make_bench(with_parts(safety=SafetyConfig(ss1_time_ms=500.0, ss1_monitored=False)))
     bench.spin()
     bench.write(0x605A, 6)
     bench.drive.set_ss1(True)
@@ -492,7 +492,7 @@ def test_a_brake_holds_a_hanging_load_through_power_off(make_bench):
     """
     bench = make_bench(
         with_parts(
-            mechanics=HANGING, brake=BrakeConfig(torque_Nm=3.0, opening_time_s=0.05, closing_time_s=0.03)
+            mechanics=HANGING, brake=BrakeConfig(torque_nm=3.0, opening_time_ms=50.0, closing_time_ms=30.0)
         )
     )
     bench.run(0.5)
@@ -514,7 +514,7 @@ def test_a_brake_that_does_not_hold(make_bench, how, moves):
     """Stuck open, or worn so far that its torque is less than that of the load: the load falls when the
     torque goes.
     """
-    bench = make_bench(with_parts(mechanics=HANGING, brake=BrakeConfig(torque_Nm=3.0)))
+    bench = make_bench(with_parts(mechanics=HANGING, brake=BrakeConfig(torque_nm=3.0)))
     bench.enable(3)
     brake = bench.drive.core.brake
     if how == "stuck open":
@@ -532,7 +532,9 @@ def test_a_brake_that_does_not_open(make_bench):
     """Stuck closed: the drive believes it open and works against it until following error or overload
     tell.
     """
-    bench = make_bench(with_parts(brake=BrakeConfig(torque_Nm=10.0), thermal_time_constant_s=1.0))
+    bench = make_bench(
+        with_parts(brake=BrakeConfig(torque_nm=10.0), thermal=ThermalConfig(i2t_time_constant_s=1.0))
+    )
     bench.drive.core.brake.set_stuck(True)
     bench.enable(3)
     bench.write(0x60FF, 1_000_000)

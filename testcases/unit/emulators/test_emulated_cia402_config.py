@@ -61,7 +61,7 @@ def test_reference_axis_with_other_ramps():
         (lambda: LinearAxisConfig(load_mass_kg=-1.0), "load_mass_kg"),
         (lambda: RotaryAxisConfig(gear_ratio=0.0), "gear_ratio"),
         (SwitchConfig, "switch range"),
-        (lambda: BrakeConfig(torque_Nm=-1.0), "brake torque_Nm"),
+        (lambda: BrakeConfig(torque_nm=-1.0), "brake torque_nm"),
         (lambda: DriveConfig.reference(sync_period_ms=0), "sync_period_ms"),
         (lambda: DriveConfig.reference(quick_stop_s=0.0), "quick_stop_s"),
     ],

@@ -9,6 +9,7 @@ import pytest
 from canopen.profiles.p402 import BaseNode402
 
 from emulators.drive.cia402 import EDS_PATH, DriveConfig, EncoderConfig
+from emulators.drive.thermal import ThermalConfig
 from fieldbus.canopen import NmtCommand, NmtState, PumpedNetwork, SdoAbort, virtual_time
 from fieldbus.cia402 import DriveState as S
 from fieldbus.clock import MS
@@ -346,7 +347,7 @@ def test_overload_and_blocked_motor(make_bench):
     """Too much torque for too long is fault 2310h; a blocked motor at the torque limit is 7121h if
     watched.
     """
-    bench = make_bench(replace(DriveConfig.reference(), thermal_time_constant_s=2.0))
+    bench = make_bench(replace(DriveConfig.reference(), thermal=ThermalConfig(i2t_time_constant_s=2.0)))
     bench.enable(3)
     bench.write(0x60FF, 1_000_000)
     bench.drive.jam(True)

@@ -325,7 +325,7 @@ def test_enable_operation_from_ready_shows_switched_on(bench):
 def test_power_on_delay_and_brake_opening(make_bench):
     """Transition 3 takes the power-on delay; while the brake opens bit 2 is 1 and the axis waits."""
     config = DriveConfig(
-        power_on_delay_s=0.05, brake=BrakeConfig(torque_Nm=4.0, opening_time_s=0.1, closing_time_s=0.03)
+        power_on_delay_s=0.05, brake=BrakeConfig(torque_nm=4.0, opening_time_ms=100.0, closing_time_ms=30.0)
     )
     bench = make_bench(config)
     bench.set_mode(3)
@@ -349,7 +349,7 @@ def test_the_motor_holds_until_the_brake_has_closed(make_bench):
     config = replace(
         machine,
         mechanics=replace(machine.mechanics, gravity_force=-400.0),
-        brake=BrakeConfig(torque_Nm=4.0, opening_time_s=0.02, closing_time_s=0.05),
+        brake=BrakeConfig(torque_nm=4.0, opening_time_ms=20.0, closing_time_ms=50.0),
     )
     bench = make_bench(config)
     bench.spin(600)
@@ -365,7 +365,7 @@ def test_the_motor_holds_until_the_brake_has_closed(make_bench):
 @pytest.mark.requirement("STP-579")
 def test_the_brake_closes_at_speed_when_the_torque_goes(make_bench):
     """Coasting with a brake: it closes at speed and stops the axis, unless it is held open by 60FEh."""
-    config = DriveConfig(brake=BrakeConfig(torque_Nm=4.0, closing_time_s=0.01))
+    config = DriveConfig(brake=BrakeConfig(torque_nm=4.0, closing_time_ms=10.0))
     bench = make_bench(config)
     bench.write(0x60FF, 1800)
     bench.enable(3)

@@ -46,4 +46,4 @@ def test_impossible_values_are_refused():
     with pytest.raises(ConfigurationError):
         ThermalModel(rated_torque_Nm=1.0, time_constant_s=0.0)
     with pytest.raises(ConfigurationError):
-        SupplyConfig(undervoltage_V=600.0)
+        SupplyConfig(undervoltage_v=600.0)

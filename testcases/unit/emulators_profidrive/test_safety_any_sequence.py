@@ -50,8 +50,8 @@ def test_any_sequence(steps, external, with_fault):
     config = replace(
         ProfidriveConfig.reference(telegram=4),
         safety_telegram=701,
-        safety=SafetyConfig(sto="fault" if with_fault else "inhibit", ss1_time_s=0.1),
-        brake=BrakeConfig(torque_Nm=5.0),
+        safety=SafetyConfig(sto="fault" if with_fault else "inhibit", ss1_time_ms=100.0),
+        brake=BrakeConfig(torque_nm=5.0),
         encoder2=SecondEncoderConfig(),
         safe_motion=SafeMotionConfig(
             ss1_external=external,

@@ -33,7 +33,7 @@ def build(number=105, *, channel=701, safety=None, brake=0.0, **safe_motion):
             config,
             safety_telegram=channel,
             safety=safety or SafetyConfig(),
-            brake=BrakeConfig(torque_Nm=brake),
+            brake=BrakeConfig(torque_nm=brake),
             safe_motion=SafeMotionConfig(**safe_motion),
         )
     )
@@ -76,7 +76,7 @@ def test_safe_stop_1_brakes_on_the_off3_ramp_and_ends_in_safe_torque_off():
     """From 1500 of 3000 rpm half of p1135 passes; bit 1 all the time, bit 0 from standstill on; no start
     afterwards.
     """
-    rig = build(safety=SafetyConfig(ss1_time_s=1.0))
+    rig = build(safety=SafetyConfig(ss1_time_ms=1000.0))
     rig.turn(1500.0)
     rig.drive.safety.set_ss1(True)
     rig.cycle(RUN, **rig.speed(1500.0))
@@ -96,7 +96,10 @@ def test_safe_stop_1_brakes_on_the_off3_ramp_and_ends_in_safe_torque_off():
 @pytest.mark.requirement("CFG-447", "CFG-613")
 def test_taking_the_enable_away_disturbs_safe_stop_1():
     """With the control word kept the ramp is completed; with OFF2 in between the axis coasts from there."""
-    kept, disturbed = build(safety=SafetyConfig(ss1_time_s=1.0)), build(safety=SafetyConfig(ss1_time_s=1.0))
+    kept, disturbed = (
+        build(safety=SafetyConfig(ss1_time_ms=1000.0)),
+        build(safety=SafetyConfig(ss1_time_ms=1000.0)),
+    )
     for rig, word in ((kept, RUN), (disturbed, RUN & ~0x02)):
         rig.turn(1500.0)
         rig.drive.safety.set_ss1(True)
@@ -138,7 +141,7 @@ def test_a_drive_that_is_moved_at_monitored_standstill_trips():
     """A force that shifts the load by more than the tolerance after SS2 leads to SS1, then STO, and a safety
     message.
     """
-    rig = build(sos_tolerance=0.0005, safety=SafetyConfig(ss1_time_s=0.2))
+    rig = build(sos_tolerance=0.0005, safety=SafetyConfig(ss1_time_ms=200.0))
     rig.turn(300.0)
     rig.drive.safety.set_ss2(True)
     rig.cycle(RUN, count=100)
@@ -173,7 +176,7 @@ def test_safe_stop_1_external_leaves_the_braking_to_the_controller(halted):
     """SS1E with a delay of 2 s: nothing happens at first; STO at 2.0 s, at standstill or while the axis still
     turns.
     """
-    rig = build(safety=SafetyConfig(ss1_time_s=2.0), ss1_external=True)
+    rig = build(safety=SafetyConfig(ss1_time_ms=2000.0), ss1_external=True)
     rig.turn(1500.0)
     rig.drive.safety.set_ss1(True)
     rig.cycle(RUN, count=100, **rig.speed(1500.0))
@@ -208,7 +211,7 @@ def test_safe_stop_2_external_shows_itself_in_the_third_word():
 @pytest.mark.parametrize("halted", [True, False])
 def test_safe_operating_stop_monitors_after_its_delay(halted):
     """SOS brakes nothing; who has not stopped within the delay is stopped with SS1 and then STO."""
-    rig = build(sos_delay_s=0.4, safety=SafetyConfig(ss1_time_s=0.5))
+    rig = build(sos_delay_s=0.4, safety=SafetyConfig(ss1_time_ms=500.0))
     rig.turn(600.0)
     rig.drive.safety.set_sos(True)
     rig.cycle(RUN, count=90, **rig.speed(0.0 if halted else 600.0))
@@ -288,7 +291,7 @@ def test_safely_limited_speed_with_a_controller_that_does_not_react(reaction):
     """Above 250 mm/s (1500 rpm) after the delay the drive stops by itself, as configured, and waits for a
     safe acknowledgement.
     """
-    rig = build(sls_delay_s=0.1, sls_reaction=reaction, safety=SafetyConfig(ss1_time_s=1.0))
+    rig = build(sls_delay_s=0.1, sls_reaction=reaction, safety=SafetyConfig(ss1_time_ms=1000.0))
     rig.turn(1600.0)
     rig.drive.safety.set_sls(1)
     rig.cycle(RUN, count=24, **rig.speed(1600.0))

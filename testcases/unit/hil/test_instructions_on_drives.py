@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import pytest
 
+from emulators.drive.machine import BrakeConfig
 from fieldbus.profidrive.words import MELDW
 from hil.bench import load_bench
 from hil.bench.bench import Bench
@@ -283,11 +284,7 @@ def test_a_brake_that_closes_at_speed_wears(how, worn):
     """OFF2 closes it at once whatever the speed is; STW1 bit 12 keeps it open; after a ramp it closes at
     rest.
     """
-    brake = (
-        load_bench("profidrive")
-        .config.drive["drive1"]
-        .brake.model_copy(update={"torque_nm": 4.0, "opening_time_ms": 10.0, "closing_time_ms": 10.0})
-    )
+    brake = BrakeConfig(torque_nm=4.0, opening_time_ms=10.0, closing_time_ms=10.0)
     with bench(brake=brake) as machine:
         axis, _ = travelling(machine)
         if how == "held open":

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import pytest
 
-from hil.bench.drive_tables import BrakeTable
+from emulators.drive.machine import BrakeConfig
 from hil.faults import Injector
 from motion.s7.axis import AxisState
 from testcases.unit.motion_axis.conftest import Rig
@@ -161,7 +161,7 @@ def test_axis_without_a_drive(kind, mode, seconds):
 )
 def test_coasting_with_a_holding_brake(open_brake, closes):
     """The brake closes with the pulses, at whatever speed; STW1.12 = 1 holds it open."""
-    with StopBench(drive={"brake": BrakeTable(torque_nm=0.5)}).travelling() as bench:
+    with StopBench(drive={"brake": BrakeConfig(torque_nm=0.5)}).travelling() as bench:
         if open_brake:
             bench.until(bench.axis.set_axis_stw(STW1=0x1000, STW1BitMask=0x1000).done)
         bench.run(0.1)
