@@ -86,7 +86,7 @@ def held() -> Iterator[None]:
 
 
 def end_with_parent() -> None:
-    """Let this worker process end when its parent is gone, killed perhaps: nobody waits for what it does.
+    """Let this worker process end when its parent has ended or was killed.
 
     A pool's own queues do not tell: every process holds both of their ends.
     """

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hil._history import kept
+from hil._outputs import kept
 from hil._plugin_cases import CaseTest
 from hil._plugin_settings import REQUIREMENT, workers_folder
 from hil._requirements import complete

@@ -329,7 +329,7 @@ def serve(connection: Connection) -> None:
             try:
                 tasks.put(connection.recv())
             except (EOFError, OSError):
-                os._exit(0)  # the command is gone, killed perhaps: nobody waits for the answer
+                os._exit(0)  # the command has ended or was killed
             except BaseException:  # noqa: BLE001 - a task that cannot be read here
                 traceback.print_exc()
                 os._exit(1)

@@ -16,18 +16,6 @@ from typing import Annotated
 import typer
 
 from hil._interrupt import interruptible
-from hil._options import (
-    BenchOption,
-    EvidenceOption,
-    HistoryOption,
-    JobsOption,
-    JsonOption,
-    ReportOption,
-    ResumeOption,
-    SeedOption,
-    SummaryOption,
-    TwiceOption,
-)
 from motion_hil import explain, hidden
 
 _CLICK_INTERRUPTED = 130
@@ -42,6 +30,51 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+# -- options of several commands
+
+BenchOption = Annotated[
+    str,
+    typer.Option(
+        "--bench", "-b", metavar="B", help="Bench file, embedded name or module:NAME; default: embedded."
+    ),
+]
+ReportOption = Annotated[
+    Path, typer.Option("--report", "-r", metavar="DIR", help="Folder for report and evidence.")
+]
+ResumeOption = Annotated[
+    bool, typer.Option("--resume", help="Go on with the run that is in the report folder.")
+]
+SeedOption = Annotated[int, typer.Option("--seed", "-s", help="Seed of the run.")]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Result as JSON on standard output, with nothing else on it.")
+]
+JobsOption = Annotated[
+    str,
+    typer.Option("--jobs", "-j", metavar="N", help="Worker processes; 0 or auto: one for every processor."),
+]
+TwiceOption = Annotated[bool, typer.Option("--twice", help="Run every case twice and compare the traces.")]
+EvidenceOption = Annotated[
+    str, typer.Option("--evidence", help="Keep traces and bus logs of: failed, all or none of the cases.")
+]
+HistoryOption = Annotated[
+    str,
+    typer.Option(
+        "--history",
+        metavar="FILE",
+        help="History of runs; default: history.sqlite in the report folder; or none.",
+    ),
+]
+SummaryOption = Annotated[
+    str,
+    typer.Option(
+        "--summary", metavar="FILE", help="Summary in markdown; -: standard output; auto: for GitHub Actions."
+    ),
+]
+
+
+# -- commands
 
 
 @app.command()
@@ -594,7 +627,7 @@ def main(arguments: list[str] | None = None) -> int:
             # Or Python tries it again when it ends, and makes a code of its own of it.
             with Path(os.devnull).open("w") as nowhere:
                 os.dup2(nowhere.fileno(), stream.fileno())
-            if error.errno in {errno.EPIPE, errno.EIO}:  # the reader has gone, and wants to hear no more
+            if error.errno in {errno.EPIPE, errno.EIO}:  # the reader has gone
                 code = code or 2
             else:
                 code = _failure(CannotRunError(f"standard output could not be written: {error.strerror}"))

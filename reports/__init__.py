@@ -41,7 +41,7 @@ from reports.seeding import Defect, Seeding, load_seeding
 from reports.store import finish_run, load_run, save_run, start_run, stored_cases, write_case
 from reports.summary import full_summary, run_digest, summary, write_summary
 from reports.tables import write_cases
-from reports.words import (
+from reports.text import (
     check_sentence,
     headline,
     margin,

@@ -1,4 +1,4 @@
-"""The samples of a case on the disk: a NumPy archive, read when somebody asks for it."""
+"""The samples of a case on the disk: a NumPy archive, read on demand."""
 
 from __future__ import annotations
 

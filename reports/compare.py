@@ -48,7 +48,7 @@ class Drift:
 
 @dataclass(slots=True)
 class Comparison:
-    """A run beside what was before. Cases are named by identifier, in the order of their names."""
+    """A run compared with what was before. Cases are named by identifier, in the order of their names."""
 
     now: PastRun
     base: PastRun | None

@@ -12,7 +12,7 @@ from typing import Final
 
 from reports.model import CaseResult, FaultRecord, RunResult, Verdict
 from reports.store import StoredSignals
-from reports.words import reaction_name
+from reports.text import reaction_name
 
 NO_ALARM: Final = "no alarm"
 NOT_INJECTED: Final = "not injected"
@@ -28,7 +28,7 @@ _GRAVITY: Final = (Verdict.FAILED, Verdict.ERROR, Verdict.BLOCKED, Verdict.PASSE
 
 
 def worst(verdicts: list[Verdict]) -> Verdict | None:
-    """Return the gravest verdict (failed, error, blocked, passed); None for an empty list."""
+    """Return the worst verdict (failed, error, blocked, passed); None for an empty list."""
     return next((verdict for verdict in _GRAVITY if verdict in verdicts), None)
 
 
@@ -55,7 +55,7 @@ class Cell:
 
     @property
     def verdict(self) -> Verdict | None:
-        """The gravest verdict of the cell; None when empty."""
+        """The worst verdict of the cell; None when empty."""
         return worst(self.verdicts)
 
 
@@ -111,7 +111,7 @@ def state_of(fault: FaultRecord) -> str:
 
 
 def stop_modes(case: CaseResult) -> list[str]:
-    """Return how the axes were told to stop, from the instructions in the story of a case, each once.
+    """Return how the axes were stopped, from the instructions in the story of a case, each once.
 
     Returns:
         `MC_Power StopMode 2`, `MC_Stop Mode 3`, `MC_Halt` and the like; `NO_STOP` alone where nobody told
@@ -188,8 +188,8 @@ def _texts(case: CaseResult) -> list[dict[int, str]]:
 
 
 def fault_stop_matrix(run: RunResult) -> Matrix:
-    """Return fault kind (`NO_FAULT` for cases without one) against the way in which the axes were told to
-    stop.
+    """Return fault kind (`NO_FAULT` for cases without one) against the way in which the axes were
+    commanded to stop.
     """
     cells: dict[tuple[str, str], Cell] = {}
     columns: set[str] = set()
@@ -208,7 +208,7 @@ def fault_stop_matrix(run: RunResult) -> Matrix:
 
 
 def with_stop(run: RunResult, mode: str) -> RunResult:
-    """Return a run with just those cases in which the axes were told to stop in this way."""
+    """Return a run with just those cases in which the axes were commanded to stop in this way."""
     return replace(run, cases=[case for case in run.cases if mode in stop_modes(case)])
 
 
@@ -227,7 +227,7 @@ class RequirementRow:
 
     @property
     def verdict(self) -> Verdict | None:
-        """The gravest verdict; None when no case claims the requirement."""
+        """The worst verdict; None when no case claims the requirement."""
         return worst([verdict for _case, verdict in self.cases])
 
 
@@ -249,7 +249,7 @@ class PrefixTotal:
 def requirement_matrix(run: RunResult) -> list[RequirementRow]:
     """Return every requirement of the catalogue and of the cases.
 
-    A check that names a requirement speaks for it; a case speaks for those that it names and none of its
+    A check that names a requirement covers it; a case covers those that it names and none of its
     checks does. The order is that of the catalogue, then unknown identifiers sorted.
     """
     found: dict[str, list[tuple[str, Verdict]]] = {}

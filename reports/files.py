@@ -40,7 +40,7 @@ def render_html(
         points: About how many samples of a signal stay in the plot (at least 100). Extremes and the
             surroundings of faults, alarms and failed checks always stay.
         embedded: Characters of case data up to which it is one file (24 million by default, about 500
-            cases); beyond them the cases go into a folder beside it, `report-data` of `report.html`.
+            cases); beyond them the cases go into a folder next to it, `report-data` of `report.html`.
         background: Earlier runs, for trend and changes.
         seeding: Defects seeded on purpose, for their table.
 

@@ -21,7 +21,7 @@ from reports.errors import ReportError
 from reports.measures import Measure, measures
 from reports.model import RunResult, Verdict
 from reports.summary import run_digest
-from reports.words import headline, run_state
+from reports.text import headline, run_state
 
 HISTORY_FILE: Final = "history.sqlite"
 """Name of the history in a report folder."""
@@ -410,7 +410,7 @@ def _counts(run: RunResult) -> list[int]:
 
 
 def _database_error(error: sqlite3.Error, what: str) -> str:
-    """Return what is wrong with a file, in words."""
+    """Return what is wrong with a file."""
     if getattr(error, "sqlite_errorname", "").startswith("SQLITE_BUSY"):
         return f"another process has held it for {_WAIT_S:g} s: {error}"
     return f"{what}: {error}"

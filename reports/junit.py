@@ -8,7 +8,7 @@ from pathlib import Path
 
 from reports.model import CaseResult, Check, RunResult, Verdict
 from reports.summary import run_digest
-from reports.words import (
+from reports.text import (
     check_sentence,
     expected_text,
     headline,

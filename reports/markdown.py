@@ -10,8 +10,7 @@ from typing import Final
 
 from reports.compare import Comparison
 from reports.model import RunResult, Verdict
-from reports.texts import VERDICTS, duration
-from reports.words import headline, replay_command, run_state
+from reports.text import VERDICTS, duration, headline, replay_command, run_state
 
 _BAD_CASES: Final = 50
 """Bad cases that are listed; GitHub takes a megabyte at most."""
@@ -25,7 +24,7 @@ def markdown_summary(run: RunResult, comparison: Comparison | None = None, *, re
     Args:
         run: The run.
         comparison: What has changed; None leaves it out.
-        report: Where the report is, in words or as a link.
+        report: Where the report is, as text or as a link.
 
     """
     state = run_state(run)

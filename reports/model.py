@@ -1,7 +1,7 @@
 """The result model: what a run leaves behind. Written by the orchestrator, read by every report.
 
 All times are seconds from the start of the case. Everything here is plain data: it serialises to JSON and
-back (`reports.store`), with the columns of `Signal` kept beside it in a compressed NumPy archive.
+back (`reports.store`), with the columns of `Signal` in a compressed NumPy archive.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class Message:
     """Payload as hexadecimal text, `R` followed by the length for a remote frame."""
     sender: str
     text: str
-    """Meaning in words, for example `RPDO1 drive1: Controlword 000Fh, Target velocity 1 800 000`."""
+    """Meaning, for example `RPDO1 drive1: Controlword 000Fh, Target velocity 1 800 000`."""
     error: str = ""
     """Empty, or what went wrong with the frame (dropped by fault, CRC error, no acknowledge)."""
 
@@ -161,7 +161,7 @@ class CaseResult:
     homings: list[HomingDrawing] = field(default_factory=list)
     """Active and passive homings, each as a drawing."""
     files: dict[str, str] = field(default_factory=dict)
-    """Evidence beside the report: bus logs and the like; name to path relative to the report."""
+    """Evidence files: bus logs and the like; name to path relative to the report."""
 
 
 @dataclass(slots=True)

@@ -2,7 +2,7 @@
 
 The journal gets one line per finished case, flushed and synchronised to the disk, after the archive of the
 case is
-there: whoever kills the run loses at most the case that was running. A line that was cut off in the
+there: a run that is killed loses at most the case that was running. A line that was cut off in the
     middle of writing
 is the last one; it is ignored on reading and cut away before the next line is added.
 
@@ -79,7 +79,7 @@ def write_case(directory: str | Path, case: CaseResult) -> CaseResult:
     """Append a finished case; on return it is on the disk.
 
     Returns:
-        The same case, whose signals and bus log are read when somebody asks for them: a run of thousands of
+        The same case, whose signals and bus log are read on demand: a run of thousands of
         cases keeps this one.
 
     Raises:

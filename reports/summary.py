@@ -11,7 +11,7 @@ from typing import Any
 
 from reports.coverage import prefix_totals, requirement_matrix
 from reports.model import RunResult, Verdict
-from reports.words import headline, run_state
+from reports.text import headline, run_state
 
 
 def run_digest(run: RunResult) -> str:
@@ -52,7 +52,7 @@ def summary(run: RunResult, *, report: str = "", junit: str = "") -> dict[str, A
 def full_summary(
     run: RunResult, *, report: str = "", junit: str = "", changes: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Return `summary` with, beside it, the state of the run, its environment and a line per case.
+    """Return `summary` with the state of the run, its environment and a line per case.
 
     Args:
         run: The run.

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from reports.model import CaseResult, RunResult
-from reports.words import headline, reaction_name
+from reports.text import headline, reaction_name
 
 COLUMNS: Final = (
     "identifier",

@@ -47,7 +47,7 @@ _TOLD: Final = (
     "encoder.error",
     "encoder.preset",
 )
-"""Events that are of interest to somebody who watches."""
+"""Events that are printed."""
 
 
 @dataclass(frozen=True, slots=True)

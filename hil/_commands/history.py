@@ -9,15 +9,14 @@ from hil._commands.terminal import print_json
 from hil.errors import CannotRunError
 from reports import Comparison, History, PastRun, compare_runs, replay_command
 from reports.model import Verdict
-from reports.texts import duration
-from reports.words import quantity
+from reports.text import duration, quantity
 
 _ACTIONS: Final = "list; compare A B; show CASE; prune"
 _SHOWN: Final = 20
 
 
 def show_history(words: list[str], *, file: Path, keep: int, every: bool, as_json: bool) -> int:
-    """Do what the words say; returns the exit code: 1 when a comparison has new failures."""
+    """Do the action; returns the exit code: 1 when a comparison has new failures."""
     action, *rest = words or ["list"]
     wanted = {"list": (0,), "compare": (0, 1, 2), "show": (1,), "prune": (0,)}.get(action)
     if wanted is None or len(rest) not in wanted:

@@ -17,7 +17,7 @@ from hil.expect import Expectation, describe, run_checkers
 from hil.record import Trace
 from reports.model import CaseResult, Check, RunResult, Verdict
 from reports.summary import summary
-from reports.words import margin
+from reports.text import margin
 
 if TYPE_CHECKING:
     from hil.logs import LogTrace

@@ -24,7 +24,7 @@ from hil.mutants import (
     select_mutants,
     store,
 )
-from hil.mutants._store import TABLE_FILE
+from hil.mutants._results import TABLE_FILE
 from reports import render_html, write_junit
 
 PAGE_FILE: Final = "mutants.html"
@@ -155,7 +155,7 @@ def _tell(seeding: Seeding, report: Path | None) -> None:
     out = console()
     if seeding.red:
         out.print(
-            f"{len(seeding.red)} of {len(seeding.baseline)} cases are red without any defect; mend them "
+            f"{len(seeding.red)} of {len(seeding.baseline)} cases are red without any defect; repair them "
             f"first, a defect cannot be "
             "judged by them",
             style="bold red",

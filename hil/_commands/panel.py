@@ -86,9 +86,7 @@ class PanelSession:
         return "  ".join([*parts, *self._notes()])
 
     def _notes(self) -> list[str]:
-        """Return what an operator has to know beside state and place: the job that has ended badly, alarm,
-        loss of control.
-        """
+        """Return what an operator needs besides state and position: failed job, alarm, loss of control."""
         panel, notes = self.panel, []
         job = panel.job
         if job is not None and job.Error:
@@ -241,7 +239,7 @@ def _tell(text: str) -> None:
 
 
 def _typed(source: TextIO, machine: Any, session: PanelSession) -> Iterator[str]:
-    """Yield lines as they are typed; meanwhile time passes, and what happens is told."""
+    """Yield lines as they are typed; meanwhile time passes, and events are printed."""
     virtual = not isinstance(machine.scheduler, RealtimeScheduler)
     selector = selectors.DefaultSelector()
     selector.register(source, selectors.EVENT_READ)

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from hil._commands.run import exit_code, finish, tell
 from hil._commands.terminal import print_json
-from hil._history import kept
-from hil._summary import check_summary, give_summary
+from hil._outputs import check_summary, give_summary, kept
 from hil.campaign._runner import clear_run
 from reports import load_run, merge_runs, summary
 from reports.merge import in_order
@@ -18,7 +17,7 @@ from reports.store import JOURNAL_FILE, RUN_FILE
 def report_runs(sources: Sequence[Path], directory: Path, *, history: str, digest: str, as_json: bool) -> int:
     """Merge the runs in `sources` into `directory`, write the report, and return the exit code of `hil run`.
 
-    A single source that is the folder itself gets its report anew. A run that the history has already is not
+    A single source that is the folder itself gets a new report. A run that the history has already is not
     recorded again.
     """
     check_summary(digest, as_json=as_json)

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Final, cast
 
 from hil._commands.terminal import CaseProgress, console, print_json, quiet_stdout
-from hil._history import kept
+from hil._outputs import check_summary, give_summary, kept
 from hil._requirements import complete
-from hil._summary import check_summary, give_summary
 from hil.campaign import (
     SHIPPED,
     Runner,

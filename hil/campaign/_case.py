@@ -23,7 +23,7 @@ WALL_LIMIT_S: Final = 300.0
 
 
 def slug(text: str) -> str:
-    """Return `text` as part of an identifier: lower case, words joined by dashes, `/` and `.` kept."""
+    """Return `text` as part of an identifier: lower case, parts joined by dashes, `/` and `.` kept."""
     return re.sub(r"[^a-z0-9/._]+", "-", text.lower()).strip("-")
 
 
@@ -134,7 +134,7 @@ class Campaign:
 
         Args:
             name: Rest of the identifier after the campaign's own slug.
-            title: What is tested, in words; default the first line of the docstring.
+            title: What is tested; default the first line of the docstring.
             tags: Further tags.
             requirements: Further identifiers.
             signals: Signals kept in the report, in place of those of the campaign.

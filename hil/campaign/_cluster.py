@@ -1,7 +1,7 @@
 """Running cases on the workers of a dask scheduler: an engine of others, with the protocol of our own
 processes.
 
-Every thread of a worker keeps a worker process of ours beside it. So a case has its limits of time, and one
+Every thread of a worker has a worker process of ours. So a case has its time limits, and one
 that kills its process takes no worker along; and a worker that is lost itself loses nothing, because the
 scheduler gives its cases to another one.
 """

@@ -163,7 +163,7 @@ class CaseContext:
         high: float | None = None,
         requirements: tuple[str, ...] = (),
     ) -> bool:
-        """Record a measurement with limits; returns whether it lies within them."""
+        """Record a measurement with limits; returns whether it is within them."""
         good = (low is None or value >= low) and (high is None or value <= high)
         limits = " and ".join(
             text

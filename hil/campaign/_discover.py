@@ -61,7 +61,7 @@ def import_file(path: Path) -> ModuleType:
         raise CampaignNotFoundError(str(path), "it is no Python file")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
-    # Helpers beside the file are importable, as they are for a script.
+    # Helpers in the folder of the file are importable, as they are for a script.
     if str(resolved.parent) not in sys.path:
         sys.path.append(str(resolved.parent))
     try:
@@ -194,7 +194,7 @@ def _is_dotted(text: str) -> bool:
 
 
 def _packaged(reference: str) -> Campaign:
-    """Return the campaign of a matrix that lies in a package, `package:matrix.toml`."""
+    """Return the campaign of a matrix in a package, `package:matrix.toml`."""
     package, _, name = reference.partition(":")
     for folder in getattr(_import_module(package), "__path__", ()):
         if (Path(folder) / name).is_file():

@@ -116,7 +116,7 @@ _TELLERS: Final[dict[str, tuple[str, Callable[[Event], str]]]] = {
 
 
 def build_story(trace: Trace, told: Iterable[Step], checks: Iterable[Check]) -> list[Step]:
-    """Return the told steps, what the log shows, and the checks, by time."""
+    """Return the steps of the case, what the log shows, and the checks, by time."""
     steps = list(told)
     told_by_drive = {(entry.time_ns, entry.source) for entry in trace.select(kind="drive.nmt")}
     for entry in trace.events:

@@ -179,7 +179,7 @@ def _run_once(case: Case, bench_file: Any, settings: CaseSettings) -> Execution:
 
 
 def requirements_here(requirements: Sequence[str], profiles: Iterable[str]) -> list[str]:
-    """Return the identifiers of a case that a bench can speak for: none of a profile that no drive of it has.
+    """Return the requirements of a case that a bench can check: none of a profile that no drive of it has.
 
     Args:
         requirements: Identifiers that the case names.

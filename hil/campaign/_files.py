@@ -1,4 +1,4 @@
-"""Evidence files of a case: the whole trace, the CAN log in candump's format, and the Modbus log in words."""
+"""Evidence files of a case: the whole trace, the CAN log in candump's format, and the Modbus log as text."""
 
 from __future__ import annotations
 
@@ -55,17 +55,18 @@ def write_modbus_log(trace: Trace, path: Path) -> Path:
     with path.open("w", encoding="utf-8") as stream:
         for time_ns, bus, sender, frame, error in rows:
             seconds, rest = divmod(time_ns, 1_000_000_000)
-            trouble = f" [{error}]" if error else ""
+            suffix = f" [{error}]" if error else ""
             stream.write(
                 f"{seconds}.{rest // 1000:06d} {bus} {sender} {frame.data.hex(' ').upper() or '-'}  "
-                f"{frame.text()}{trouble}\n"
+                f"{frame.text()}{suffix}
+"
             )
     return path
 
 
 def folder_name(identifier: str) -> str:
-    """Return the folder of a case: its identifier with `_` for `/`; told apart by a digest where that could
-    mean two of them.
+    """Return the folder of a case: its identifier with `_` for `/`; a digest is added where that
+    could mean two of them.
 
     The second kind are identifiers with characters beyond letters, digits, `.` and `-`, with empty parts, or
     too long for a name of a file.

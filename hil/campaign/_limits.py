@@ -13,7 +13,7 @@ from fieldbus.clock import MS, seconds_to_ns
 from hil.errors import CaseEndedError, CaseTimeoutError
 
 AGAIN_S: Final = 5.0
-"""Time that a case has to end, and its bench to be closed, once it has been told to."""
+"""Time that a case has to end, and its bench to be closed, once it has been asked to."""
 USED_UP: Final = "the case has used up its limit"
 """How the message of a case begins that ran into one of its limits."""
 
@@ -51,7 +51,7 @@ def limit_wall(seconds: float) -> Iterator[None]:
         nonlocal told
         text = f"{USED_UP} of {seconds:g} s of wall time"
         if told:
-            raise CaseEndedError(f"{text}, and did not end when it was told so")
+            raise CaseEndedError(f"{text}, and did not end when it was asked to")
         told = True
         raise CaseTimeoutError(text)
 

@@ -84,7 +84,7 @@ def environment_facts() -> dict[str, str]:
 
 
 def clear_run(directory: Path) -> None:
-    """Take away the journal and evidence of an earlier run; whatever else lies in the folder stays."""
+    """Delete the journal and evidence of an earlier run; other files in the folder stay."""
     (directory / JOURNAL_FILE).unlink(missing_ok=True)
     for archive in (directory / SIGNAL_FOLDER).glob("*.npz"):
         archive.unlink()

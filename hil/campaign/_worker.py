@@ -83,7 +83,7 @@ def run_order(order: Order, case: Case | None = None) -> CaseResult:
 
     Args:
         order: What to run.
-        case: The case, where it is at hand already.
+        case: The case, if it is already known.
 
     Raises:
         CannotRunError: The campaign here has no such case, or the bench file here is another one.

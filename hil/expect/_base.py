@@ -14,7 +14,7 @@ from fieldbus.history import Event
 from hil.errors import NotRecordedError, RecordingError
 from hil.record import EventSelector, Signal, Trace, check_selector
 from reports.model import Check, Verdict
-from reports.words import margin_text
+from reports.text import margin_text
 
 Reference = float | EventSelector
 """An instant: seconds from the start of the case, or an event of the log (`event("fault.applied")`)."""

@@ -58,7 +58,7 @@ class LogNode:
         self._begun_ns = 0
         self._pdos: dict[int, Pdo] = {}
         self._told = False
-        """Whether a drive has told its state or values."""
+        """Whether a drive has sent its state or values."""
         self._led: bool | None = None
         """Whether process data come; None before the first."""
 

@@ -1,4 +1,4 @@
-"""What is told by process data over time: whether they come with every SYNC, and the motion that positions
+"""What process data show over time: whether they come with every SYNC, and the motion that positions
 make.
 """
 

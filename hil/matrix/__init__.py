@@ -1,6 +1,6 @@
 """Matrix campaigns: a file that crosses factors - jobs, faults, moments, stops, benches - and becomes cases.
 
-What the words of the factors mean, and what is expected of a combination, says a vocabulary; this package
+A vocabulary says what the values of the factors mean and what is expected of a combination; this package
 knows only how they are combined, reduced, left out and named.
 """
 

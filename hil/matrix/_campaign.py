@@ -37,14 +37,14 @@ def load_matrix(path: str | Path) -> Campaign:
         raise ConfigurationError(
             f"{path}: factors",
             f"{total} combinations",
-            f"at most {MOST_COMBINATIONS} to choose from: name fewer words",
+            f"at most {MOST_COMBINATIONS} to choose from: name fewer values",
         )
     found = combinations_of(matrix)
     if len(found.rows) * matrix.seeds > MOST_CASES:
         raise ConfigurationError(
             f"{path}: factors",
             f"more than {MOST_CASES} cases",
-            'at most that many: name fewer words, exclude more, choose reduction = "pairwise" or fewer seeds',
+            'at most that many: name fewer values, exclude more, reduction = "pairwise" or fewer seeds',
         )
     if not found.rows and not matrix.cases:
         raise ConfigurationError(

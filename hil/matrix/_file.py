@@ -190,7 +190,7 @@ class _Reader:
             if name == BENCH:
                 factors[name] = tuple(self._bench(entry) for entry in self._texts(key, words))
             elif name in vocabulary.factors:
-                factors[name] = self._words(key, words, vocabulary.factors[name])
+                factors[name] = self._values(key, words, vocabulary.factors[name])
             else:
                 raise self._wrong(key, words, f"only {_close(name, [BENCH, *vocabulary.factors])}")
             if not factors[name]:
@@ -216,8 +216,8 @@ class _Reader:
         if len(by_parts) == 1:
             raise self._wrong("factors", ", ".join(factors), "drive and transport together")
 
-    def _words(self, key: str, value: Any, allowed: Mapping[str, str]) -> tuple[str, ...]:
-        """Return the words that a list names, with its patterns (`*`, `?`, `[...]`) filled in."""
+    def _values(self, key: str, value: Any, allowed: Mapping[str, str]) -> tuple[str, ...]:
+        """Return the values that a list names, with its patterns (`*`, `?`, `[...]`) filled in."""
         found: list[str] = []
         texts = self._texts(key, [value] if isinstance(value, str) else value)
         for number, text in enumerate(texts, start=1):
@@ -262,7 +262,7 @@ class _Reader:
             allowed = factors[name]
             if name == BENCH:
                 words = [self._bench(word) for word in ([words] if isinstance(words, str) else words)]  # noqa: PLW2901
-            values[name] = frozenset(self._words(f"{key}.{name}", words, dict.fromkeys(allowed, "")))
+            values[name] = frozenset(self._values(f"{key}.{name}", words, dict.fromkeys(allowed, "")))
         if not values:
             raise self._wrong(key, dict(table), f"at least one of {', '.join(factors)}")
         return Exclusion(values, reason)

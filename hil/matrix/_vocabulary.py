@@ -1,4 +1,4 @@
-"""The border between a matrix, which combines words, and those who know what they mean."""
+"""What gives the values of a matrix their meaning."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 from hil.campaign._context import CaseContext
 
 Values = Mapping[str, str]
-"""A word for every factor of a combination; while combinations are being made, for some of them."""
+"""A value for every factor of a combination; while combinations are being made, for some of them."""
 
 
 @runtime_checkable
@@ -25,7 +25,7 @@ class Vocabulary(Protocol):
 
     @property
     def defaults(self) -> Mapping[str, str]:
-        """The word of each factor that a matrix does not name; a factor without one has to be named."""
+        """The value of each factor that a matrix does not name; a factor without one has to be named."""
         ...
 
     @property
@@ -42,7 +42,7 @@ class Vocabulary(Protocol):
         ...
 
     def title(self, values: Values) -> str:
-        """Return what a combination tests, in words."""
+        """Return the title of a combination: what it tests."""
         ...
 
     def requirements(self, values: Values) -> Sequence[str]:

@@ -8,14 +8,12 @@ A defect that no case notices points at a missing expectation.
 
 from __future__ import annotations
 
-from hil.mutants._as_run import as_run
 from hil.mutants._catalogue import CATALOGUE, load_catalogue, select_mutants
 from hil.mutants._mutant import AREAS, Edit, Mutant, defect
 from hil.mutants._patch import TargetChangedError, seeded, watched
 from hil.mutants._plan import Judge, find_judges, hinted, in_order
+from hil.mutants._results import Stored, as_run, catalogue_table, load_stored, markdown, store
 from hil.mutants._seeding import MutantResult, Seeder, Seeding, SeedingOptions
-from hil.mutants._store import Stored, load_stored, store
-from hil.mutants._table import catalogue_table, markdown
 from hil.mutants._worker import Outcome
 
 __all__ = [

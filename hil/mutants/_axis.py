@@ -350,7 +350,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "fault-code-kept",
-        "The code of the last fault outlives the fault: the next one is told with it",
+        "The code of the last fault outlives the fault: the next one is reported with it",
         f"{_CIA402}.read",
         "self.drive_fault_code = self._fault_code = 0",
         "self.drive_fault_code = 0",

@@ -80,7 +80,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "emcy-clear-missing",
-        "The end of an error is not told by an EMCY 0000h",
+        "The end of an error is not reported by an EMCY 0000h",
         "fieldbus.canopen.emcy:EmcyProducer.clear",
         "self._queue_frame(0, bytes(5))",
         "self._not_before_ns = 0",

@@ -155,7 +155,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "missing-setpoint-once-too-often",
-        "The drive bridges one missing setpoint more than it is told to",
+        "The drive bridges one missing setpoint more than configured",
         "emulators.drive.cia402.drive:CiA402Drive._on_sync",
         "mode.missed == self.config.missing_setpoints",
         "mode.missed == self.config.missing_setpoints + 1",
@@ -218,7 +218,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "pulses-go-before-brake-closed",
-        "The torque is taken away as soon as the brake is told to close",
+        "The torque is removed as soon as the brake is commanded to close",
         f"{_FUNCTION}._on_standstill",
         "seconds_to_ns(brake.closing_time_s), self._stop_finished",
         "0, self._stop_finished",

@@ -100,7 +100,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "mark-on-cam-counts",
-        "A zero mark that lies on the cam is taken",
+        "A zero mark on the cam is taken",
         f"{_FINDER}.step",
         "# a zero mark on the cam does not count (HOM-091)\n            self.close()",
         "if search.searching else self._begin(search)",

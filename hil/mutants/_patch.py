@@ -236,7 +236,7 @@ def watching_patch(mutants: Iterable[Mutant]) -> Patch:
         for edit in mutant.edits:
             function = function_of(edit)
             change = changed_source(edit, function)
-            # Compiled too, so that a change that cannot be made is told before anything runs.
+            # Compiled too, so that a change that cannot be made is reported before anything runs.
             _compiled(function, change.source, [(change.line, mutant.name)], edit)
             places.setdefault(function, []).append((change.line, mutant.name))
             edits[function] = edit

@@ -71,7 +71,7 @@ def _cases(found: Found, bench: str) -> Iterable[Judge]:
 
 
 def modules_of(judges: Iterable[Judge]) -> list[str]:
-    """Return the modules that campaigns and benches of cases lie in, as far as they can be imported by
+    """Return the modules of campaigns and benches of cases, as far as they can be imported by
     name.
     """
     references = dict.fromkeys(name for judge in judges for name in (judge.campaign, judge.bench))

@@ -59,7 +59,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "off1-cannot-be-taken-back",
-        "ON during the ramp of OFF1 is not heard: S5a goes on to S2",
+        "ON during the ramp of OFF1 is ignored: S5a goes on to S2",
         _MACHINE,
         "if on:\n                return self._to(AxisState.S4, Action.CONTINUE)",
         "if on and standstill:\n                return self._to(AxisState.S4, Action.CONTINUE)",

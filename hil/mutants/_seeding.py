@@ -90,7 +90,7 @@ class MutantResult:
 
     @property
     def status(self) -> str:
-        """`caught`, `explained` (nobody can notice it, with a reason), `survived`, `never ran`, or
+        """`caught`, `explained` (no case can notice it, with a reason), `survived`, `never ran`, or
         `error`.
         """
         if self.earlier is not None:

@@ -151,7 +151,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "superimposed-values-from-zero",
-        "MC_MotionInSuperimposed begins anew at zero after an earlier superimposed motion",
+        "MC_MotionInSuperimposed starts again at zero after an earlier superimposed motion",
         f"{_SUPERPOSITION}.give",
         "self._zero = self.part.s",
         "self._zero = 0.0",

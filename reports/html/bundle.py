@@ -1,7 +1,7 @@
-"""Where the data of the cases is: inside the page while that stays bearable, else beside it, a file for each
+"""Where the data of the cases is: inside the page up to a size, else in a folder next to it, a file for each
 case.
 
-A page opened from a file system may fetch nothing, but it may add script elements. So a case beside the page
+A page opened from a file system may fetch nothing, but it may add script elements. So a case next to the page
 is a script of one call, `hilData(key, place, case)`. The key is that of the run: a folder that belongs to
 another page is noticed.
 """
@@ -27,9 +27,9 @@ class Bundle(NamedTuple):
     """The packed cases of a run."""
 
     texts: list[str]
-    """JSON of every case in order; empty where they are beside the page."""
+    """JSON of every case in order; empty where they are next to the page."""
     folder: str
-    """Name of the folder beside the page; empty where there is none."""
+    """Name of the folder next to the page; empty where there is none."""
     key: str
     """What page and folder have in common."""
 
@@ -40,7 +40,7 @@ def data_folder(page: Path) -> Path:
 
 
 def pack(run: RunResult, page: Path, *, points: int, library: str, limit: int = EMBEDDED_LIMIT) -> Bundle:
-    """Pack the cases for a page; write the folder beside it when they are too many.
+    """Pack the cases for a page; write the folder next to it when there are too many.
 
     Args:
         run: The run.

@@ -105,22 +105,22 @@ def _result(drawing: HomingDrawing) -> str:
 
 
 def _alternative(drawing: HomingDrawing) -> str:
-    """Return the picture in words."""
+    """Return the picture as text."""
     unit = drawing.unit
-    told = [f"Velocity over position of {drawing.axis}. {_result(drawing)}."]
+    text = [f"Velocity over position of {drawing.axis}. {_result(drawing)}."]
     for step in drawing.steps:
         if step.travel:
-            told.append(
+            text.append(
                 f"{named(step).capitalize()}: from {short(step.begin)} to {short(step.end)} {unit} "
                 f"with up to {short(abs(step.velocity))} {unit}/s."
             )
         else:
-            told.append(f"{step.name.capitalize()} at {short(step.begin)} {unit}.")
+            text.append(f"{step.name.capitalize()} at {short(step.begin)} {unit}.")
     for lane in drawing.lanes:
         if lane.name != "zero mark" and lane.bars:
             places = ", ".join(f"from {short(low)} to {short(high)} {unit}" for low, high in lane.bars)
-            told.append(f"{lane.name.capitalize()} active {places}.")
-    return " ".join(told)
+            text.append(f"{lane.name.capitalize()} active {places}.")
+    return " ".join(text)
 
 
 # -- numbers
@@ -177,7 +177,7 @@ class _Scale:
         self._lengths.append(self._lengths[-1] + length)
 
     def px(self, place: float) -> float:
-        """Return where a place lies."""
+        """Return the px of a place."""
         knots, lengths = self._knots, self._lengths
         index = min(max(bisect_right(knots, place) - 1, 0), len(knots) - 2)
         share = (place - knots[index]) / (knots[index + 1] - knots[index])
@@ -185,7 +185,7 @@ class _Scale:
         return round(_LEFT + part * (_RIGHT - _LEFT), 1)
 
     def left_out(self, place: float) -> bool:
-        """Return whether a place lies in what is shortened."""
+        """Return whether a place is in a shortened stretch."""
         return any(low <= place <= high for low, high in self.short)
 
 
@@ -435,5 +435,5 @@ def _line(x1: float, x2: float, y1: float, y2: float, kind: str) -> Node:
     return _node("line", {name: round(value, 1) for name, value in places.items()} | {"class": kind})
 
 
-def _text(x: float, y: float, words: str, kind: str, anchor: str) -> Node:
-    return _node("text", {"x": round(x, 1), "y": round(y, 1), "class": kind, "text-anchor": anchor}, words)
+def _text(x: float, y: float, text: str, kind: str, anchor: str) -> Node:
+    return _node("text", {"x": round(x, 1), "y": round(y, 1), "class": kind, "text-anchor": anchor}, text)

@@ -9,8 +9,7 @@ from reports.compare import Background, Comparison
 from reports.history import PastRun
 from reports.model import RunResult, Verdict
 from reports.seeding import Seeding
-from reports.texts import VERDICTS, duration
-from reports.words import quantity
+from reports.text import VERDICTS, duration, quantity
 
 _SHOWN: Final = 50
 """Rows of a table of changes; the list of cases has the others."""

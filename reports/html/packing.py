@@ -108,7 +108,7 @@ def _pack(order: Order) -> None:
 
 class _Helper:
     """An interpreter that packs cases; one that fails is not asked again, and what it had is done here, where
-    errors are told.
+    errors are reported.
     """
 
     def __init__(self) -> None:

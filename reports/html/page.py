@@ -2,7 +2,7 @@
 
 Its content security policy allows nothing but the scripts of the page itself, named by their hashes: text of
 a run that slipped through the escaping could still not run, and no library can load anything. The page of a
-large run has its cases beside it (`reports.html.bundle`) and may load scripts of its own place too.
+large run has its cases in a folder next to it (`reports.html.bundle`) and may load scripts from there too.
 """
 
 from __future__ import annotations
@@ -35,8 +35,7 @@ from reports.html.payload import index_entry, script_json
 from reports.model import CaseResult, RunResult, Verdict
 from reports.seeding import Seeding
 from reports.summary import run_digest
-from reports.texts import VERDICTS, duration
-from reports.words import headline, run_state
+from reports.text import VERDICTS, duration, headline, run_state
 
 _STYLES: Final = ("style.css", "case.css", "homing.css")
 _SCRIPTS: Final = (
@@ -62,7 +61,7 @@ def render_html(
         points: About how many samples of a signal stay in the plot (at least 100). Extremes and the
             surroundings of faults, alarms and failed checks always stay.
         embedded: Characters of case data up to which the page is one file; beyond them the cases go into
-            a folder beside it, `report-data` of `report.html`.
+            a folder next to it, `report-data` of `report.html`.
         background: Earlier runs, for trend and changes.
         seeding: Defects seeded on purpose, for their table.
 
@@ -270,8 +269,8 @@ def _matrices(run: RunResult) -> list[dict[str, Any]]:
 
 
 def _stop_matrices(run: RunResult) -> list[tuple[str, dict[str, Any]]]:
-    """Return fault against reaction for every way in which an axis was told to stop, without the rows never
-    tried.
+    """Return fault against reaction for every way in which an axis was commanded to stop, without the
+    rows never tried.
     """
     modes = dict.fromkeys(mode for case in run.cases for mode in stop_modes(case))
     found = []

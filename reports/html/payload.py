@@ -1,4 +1,4 @@
-"""One case as the compact JSON that the page renders when somebody opens the case."""
+"""One case as the compact JSON that the page renders when the case is opened."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from reports.html.homing import drawing_payload
 from reports.html.numbers import encode_all, thin
 from reports.html.signals import Lane, Panel, arrange, bands, component, is_setpoint
 from reports.model import CaseResult, Check, Message, Scalar, Signal, Step, Verdict
-from reports.words import (
+from reports.text import (
     expected_text,
     headline,
     limits,
@@ -31,7 +31,7 @@ from reports.words import (
 )
 
 MAX_MESSAGES: Final = 400
-"""Messages shown of a case; of a passed one half of them, since nobody hunts a defect there."""
+"""Messages shown of a case; of a passed one half of them, where no defect is looked for."""
 _IN_LIST: Final = 3
 """Faults and alarms of a case that the list shows."""
 _SEARCHED: Final = 2000
@@ -69,7 +69,7 @@ def index_entry(case: CaseResult, change: str = "") -> dict[str, Any]:
 
     Args:
         case: The case.
-        change: What happened to it since the last run, in a word or two.
+        change: What happened to it since the last run, in short.
 
     """
     faults = [
@@ -203,9 +203,9 @@ def _interest(case: CaseResult) -> set[str]:
 
 def full_story(case: CaseResult) -> list[Step]:
     """Return the story in order of time, with faults, alarms and checks where the steps do not tell them."""
-    told = {step.kind for step in case.story}
+    kinds = {step.kind for step in case.story}
     story = list(case.story)
-    if "inject" not in told:
+    if "inject" not in kinds:
         for fault in case.faults:
             if fault.applied_s is not None:
                 story.append(
@@ -213,7 +213,7 @@ def full_story(case: CaseResult) -> list[Step]:
                 )
             if fault.removed_s is not None:
                 story.append(Step(fault.removed_s, "inject", f"{fault.kind} on {fault.target} removed"))
-    if "observe" not in told:
+    if "observe" not in kinds:
         story += [
             Step(
                 alarm.time_s,
@@ -222,7 +222,7 @@ def full_story(case: CaseResult) -> list[Step]:
             )
             for alarm in case.alarms
         ]
-    if "expect" not in told:
+    if "expect" not in kinds:
         story += [
             Step(
                 check.time_s,

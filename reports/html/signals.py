@@ -89,7 +89,7 @@ def _quantity(name: str) -> str:
 
 @lru_cache(maxsize=4096)
 def is_setpoint(name: str) -> bool:
-    """Return whether the signal is what the axis was told, not what it did."""
+    """Return whether the signal is a setpoint, not an actual value."""
     return _SETPOINT.search(base_name(name)) is not None
 
 

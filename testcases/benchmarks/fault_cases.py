@@ -22,7 +22,7 @@ from typing import Any, Final
 
 from hil._commands.run import finish
 from hil._commands.terminal import CaseProgress
-from hil._history import kept
+from hil._outputs import kept
 from hil.campaign import Campaign, CaseContext, Runner, RunOptions, find_campaigns, select_cases
 from hil.expect import alarm, event, standstill
 from reports.model import Verdict

@@ -58,7 +58,7 @@ def test_a_case_that_goes_on_regardless_is_ended(monkeypatch):
     stubborn, fine = Runner(hanging("stubborn"), RunOptions(jobs=1, wall_limit_s=0.3)).run().cases
 
     assert (stubborn.verdict, fine.verdict) == (Verdict.ERROR, Verdict.PASSED)
-    assert "limit of 0.3 s of wall time, and did not end when it was told so" in stubborn.message
+    assert "limit of 0.3 s of wall time, and did not end when it was asked to" in stubborn.message
 
 
 def test_a_process_that_does_not_hear_its_limit_is_ended(monkeypatch):

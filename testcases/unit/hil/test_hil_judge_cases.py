@@ -28,7 +28,7 @@ from hil.expect import (
 )
 from hil.logs import read_bus_log, trace_of_log
 from reports.model import Verdict
-from reports.words import margin
+from reports.text import margin
 from testcases import campaigns
 
 pytestmark = pytest.mark.exhaustive

@@ -1,21 +1,129 @@
-"""Results in the report folder: written after every defect, so that a run can be resumed, or its survivors
-tried again.
-"""
+"""Results of seeded defects: tables, a run for the report, and files that a later run continues from."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
+from hil.campaign import environment_facts
 from hil.errors import CannotRunError
 from hil.mutants._mutant import Mutant
 from hil.mutants._plan import Judge
 from hil.mutants._seeding import MutantResult, Seeding, changes_of, digest_of
-from hil.mutants._table import markdown
 from reports.archive import write_whole
+from reports.model import CaseResult, Check, RunResult, Step, Verdict
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+def markdown(seeding: Seeding) -> str:
+    """Return the defect-seeding table of a run."""
+    caught, total = seeding.count("caught"), len(seeding.results)
+    lines = [
+        "# Defect seeding",
+        "",
+        (
+            f"{caught} of {total} caught in {seeding.seconds:.0f} s, baseline ({len(seeding.baseline)} cases) "  # noqa: E501
+            f"included."
+        ),
+        "",
+        "| defect | area | what is wrong | status | noticed by | how | s |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for result in seeding.results:
+        mutant = result.mutant
+        red = result.caught_by
+        by = ", ".join(f"`{outcome.judge.name}`" for outcome in red) or _cell(
+            mutant.explained or result.error
+        )
+        how = red[0].verdict if red else ""
+        lines.append(
+            f"| `{mutant.name}` | {mutant.area} | {_cell(mutant.title)} | {result.status} | {by} | {how} "
+            f"| {result.seconds:.2f} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def catalogue_table(mutants: Iterable[Mutant], area: str) -> list[str]:
+    """Return the rows of the documentation for the defects of an area, heading included."""
+    lines = ["| defect | what is wrong | where | requirements |", "|---|---|---|---|"]
+    for mutant in mutants:
+        if mutant.area == area:
+            where = ", ".join(f"`{edit.target.partition(':')[2]}`" for edit in mutant.edits)
+            lines.append(
+                f"| `{mutant.name}` | {_cell(mutant.title)} | {where} | {', '.join(mutant.requirements)} |"
+            )
+    return lines
+
+
+_VERDICT: Final = {
+    "caught": Verdict.PASSED,
+    "explained": Verdict.BLOCKED,
+    "survived": Verdict.FAILED,
+    "never ran": Verdict.FAILED,
+}
+
+
+def as_run(seeding: Seeding) -> RunResult:
+    """Return a run with a case for every defect: passed is caught, failed has survived, blocked has an
+    explanation.
+
+    No case claims a requirement: that a defect is caught shows that cases judge, not that the product does
+    what it should.
+    """
+    return RunResult(
+        title="Defect seeding",
+        seed=seeding.seed,
+        bench_name="",
+        bench_text="",
+        environment=environment_facts(),
+        # The wall clock dates the report; nothing is controlled by it.
+        started=datetime.now(UTC).isoformat(timespec="seconds"),
+        cases=[_case(result, seeding.seed) for result in seeding.results],
+        interrupted=seeding.interrupted,
+    )
+
+
+def _case(result: MutantResult, seed: int) -> CaseResult:
+    mutant, plain = result.mutant, result.as_dict()
+    story = [
+        Step(0.0, "inject", f"{edit.target}: {edit.old!r} becomes {edit.new!r}") for edit in mutant.edits
+    ]
+    story += [Step(0.0, "observe", f"offends against {one}") for one in mutant.requirements]
+    checks = []
+    for outcome in result.caught_by:
+        story.append(Step(0.0, "expect", f"{outcome.judge.name}: {outcome.verdict}"))
+        checks.append(
+            Check(outcome.judge.name, Verdict.PASSED, "not passed", f"{outcome.verdict}: {outcome.message}")
+        )
+    return CaseResult(
+        identifier=f"defects/{mutant.area}/{mutant.name}",
+        title=mutant.title,
+        verdict=_VERDICT.get(result.status, Verdict.ERROR),
+        message=_message(result, int(str(plain["cases_run"]))),
+        group=f"defects/{mutant.area}",
+        tags=[mutant.area, result.status],
+        seed=seed,
+        wall_s=result.seconds,
+        story=story,
+        checks=checks,
+    )
+
+
+def _message(result: MutantResult, cases: int) -> str:
+    return {
+        "caught": "",
+        "explained": result.mutant.explained,
+        "survived": f"none of {cases} cases that reach it notices it: an expectation is missing",
+        "never ran": "no case comes to the changed statement",
+    }.get(result.status, result.error)
+
 
 JSON_FILE: Final = "mutants.json"
 TABLE_FILE: Final = "mutants.md"
@@ -24,7 +132,7 @@ _NEEDED: Final = frozenset({"changes", "status", "caught_by", "how", "message", 
 
 
 def store(seeding: Seeding, directory: Path) -> None:
-    """Write `mutants.json` and `mutants.md` into a report folder; whatever else lies there stays."""
+    """Write `mutants.json` and `mutants.md` into a report folder; other files there stay."""
     directory.mkdir(parents=True, exist_ok=True)
     write_whole(directory / JSON_FILE, (json.dumps(seeding.as_dict(), indent=2) + "\n").encode())
     write_whole(directory / TABLE_FILE, markdown(seeding).encode())

@@ -1,4 +1,4 @@
-"""`--summary`: the run in markdown, where the user or the CI server wants it."""
+"""`--history` and `--summary`: where a run is recorded, and its summary in markdown."""
 
 from __future__ import annotations
 
@@ -8,8 +8,32 @@ from pathlib import Path
 
 from hil._commands.terminal import console
 from hil.errors import CannotRunError
-from reports import Background, ReportPaths, markdown_summary
+from reports import HISTORY_FILE, Background, HistoryError, ReportPaths, markdown_summary, remember
 from reports.model import RunResult
+
+NO_HISTORY = "none"
+
+
+def history_file(choice: str, report: Path) -> Path | None:
+    """Return the file that a user chose: by default one in the report folder, with `none` no file at all."""
+    if choice == NO_HISTORY:
+        return None
+    return Path(choice) if choice else report / HISTORY_FILE
+
+
+def kept(run: RunResult, report: Path, choice: str) -> Background | None:
+    """Record a run and return what came before; a history that fails is said and costs the report nothing
+    else.
+    """
+    path = history_file(choice, report)
+    if path is None or not run.cases:
+        return None
+    try:
+        return remember(run, path)
+    except HistoryError as error:
+        console().print(f"warning: the run is not in the history: {error}", style="yellow", markup=False)
+        return None
+
 
 VARIABLE = "GITHUB_STEP_SUMMARY"
 AUTO = "auto"

@@ -18,7 +18,7 @@ from reports import (
     replay_command,
     run_state,
 )
-from reports.words import limits, number, reaction_name
+from reports.text import limits, number, reaction_name
 
 
 def check(

@@ -1,4 +1,4 @@
-"""Sentences and numbers as a person wants to read them: headlines, limits, margins, reaction names."""
+"""Text of the reports: headlines, limits, margins, durations, names of reactions."""
 
 from __future__ import annotations
 
@@ -7,6 +7,22 @@ import re
 from typing import Final
 
 from reports.model import CaseResult, Check, RunResult, Verdict
+
+VERDICTS: Final = (Verdict.FAILED, Verdict.ERROR, Verdict.BLOCKED, Verdict.PASSED)
+"""Worst first: the order in which reports show them."""
+
+
+def duration(value: float) -> str:
+    """Return a time [s] in the unit that suits its size."""
+    if not math.isfinite(value):
+        return "unknown"
+    if value >= 120:
+        minutes, rest = divmod(round(value), 60)
+        return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{minutes} min {rest:02d} s"
+    if value >= 1:
+        return f"{value:.2f} s"
+    return f"{value * 1000:.0f} ms" if value else "0 s"
+
 
 REACTION_NAMES: Final[dict[int, str]] = {
     0: "no reaction",
@@ -40,7 +56,7 @@ _MOMENT: Final = re.compile(r"(after|at|before)\b", re.IGNORECASE)
 
 
 def reaction_name(code: int) -> str:
-    """Return a reaction in words, `reaction 99` for an unknown code."""
+    """Return the name of a reaction, `reaction 99` for an unknown code."""
     return REACTION_NAMES.get(code, f"reaction {code}")
 
 
@@ -92,7 +108,7 @@ def margin(check: Check) -> float | None:
 
 
 def margin_text(check: Check) -> str:
-    """Return the margin in words: `28 ms over the limit`, `3.2 mm to spare`; empty where there is none."""
+    """Return the margin as text: `28 ms over the limit`, `3.2 mm to spare`; empty where there is none."""
     distance = margin(check)
     if distance is None or check.value is None or not math.isfinite(distance):
         return ""
@@ -103,12 +119,12 @@ def margin_text(check: Check) -> str:
 
 
 def expected_text(check: Check) -> str:
-    """Return what was expected, from the limits where the check has no words."""
+    """Return what was expected, from the limits where the check has no text."""
     return check.expected.strip() or limits(check)
 
 
 def observed_text(check: Check) -> str:
-    """Return what was observed, from the value where the check has no words."""
+    """Return what was observed, from the value where the check has no text."""
     if check.observed.strip():
         return check.observed.strip()
     return "" if check.value is None else quantity(check.value, check.unit)
@@ -119,7 +135,7 @@ def _capital(text: str) -> str:
 
 
 def _strip_name(name: str, text: str) -> str:
-    """Drop the subject where the words repeat it: `alarm 521` from `alarm 521 within 20 ms`."""
+    """Drop the subject where the text repeats it: `alarm 521` from `alarm 521 within 20 ms`."""
     if name and text.lower().startswith(name.lower()):
         rest = text[len(name) :]
         if rest[:1] in {"", " ", ":", ","}:
