@@ -58,8 +58,7 @@ def write_modbus_log(trace: Trace, path: Path) -> Path:
             suffix = f" [{error}]" if error else ""
             stream.write(
                 f"{seconds}.{rest // 1000:06d} {bus} {sender} {frame.data.hex(' ').upper() or '-'}  "
-                f"{frame.text()}{suffix}
-"
+                f"{frame.text()}{suffix}\n"
             )
     return path
 
