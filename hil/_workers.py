@@ -6,8 +6,8 @@ other end of its socket is closed, also when the command was killed.
 
 No library does this. A task has many answers, each with a time limit of its own. The workers of dask are
 daemonic, and from those `multiprocessing`, which pebble, loky and `concurrent.futures` build on, starts no
-process. A defect needs a fresh process, and pebble polls every 0.1 s for its end: 60 tasks of 20 ms, each in a
-fresh process, took 12.6 s on two workers of it.
+process. A defect needs a fresh process, and pebble polls every 0.1 s for its end: 60 tasks of 20 ms, each in
+a fresh process, took 12.6 s on two workers of it.
 """
 
 from __future__ import annotations

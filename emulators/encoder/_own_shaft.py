@@ -21,6 +21,26 @@ class OwnShaft:
         self._name = name
         self.shaft = shaft
 
+    @property
+    def position(self) -> float:
+        """Place of the shaft, rad (m of a slide).
+
+        Raises:
+            UnsupportedFaultError: The encoder sits on the machine of a drive.
+
+        """
+        return self._fitted().position
+
+    @property
+    def velocity(self) -> float:
+        """Speed of the shaft, rad/s (m/s of a slide).
+
+        Raises:
+            UnsupportedFaultError: The encoder sits on the machine of a drive.
+
+        """
+        return self._fitted().velocity
+
     def turn(self, speed: float, ramp_s: float = 0.0) -> None:
         """Turn it with a speed, rad/s (m/s linear), reached linearly within `ramp_s`.
 

@@ -56,7 +56,10 @@ def messages(root: type[BaseModel], source: str, error: ValidationError) -> str:
 
 
 def _line(root: type[BaseModel], source: str, problem: ErrorDetails) -> str:
-    place = _place(root, problem["loc"])
+    location = problem["loc"]
+    if location[-1:] == ("[key]",):
+        location = location[:-2]  # a wrong key of a dictionary is its value to the reader
+    place = _place(root, location)
     where = ".".join((f"{source}: {place.path[0]}", *place.path[1:])) if place.path else source
     text = problem["msg"].removeprefix("Value error, ")
     context = problem.get("ctx", {})

@@ -124,10 +124,10 @@ def test_a_fault_that_acknowledges_itself_is_found(bench_file, monkeypatch):
 
     def defective(self):
         act(self)
-        if self._drive.faults.present:
+        if self._faults.present:
             calls.append(self)
             if len(calls) > 20:
-                self._drive.faults.acknowledge()
+                self._faults.acknowledge()
 
     monkeypatch.setattr(Operation, "act", defective)
     assert run_program(program, bench_file).violation.invariant == "acknowledging of drive1"

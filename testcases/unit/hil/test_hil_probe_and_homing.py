@@ -87,7 +87,10 @@ def test_switches_index_and_homing_come_from_the_file():
         ({"switches": "home_mm = 5.0\nhome_to_mm = 6.0"}, "home_mm goes without"),
         ({"switches": "probe1_from_mm = 2.0\nprobe1_to_mm = 1.0"}, "probe1_from_mm"),
         ({"drive": "index_increments = 10000"}, "index_increments: 10000 is not below"),
-        ({"homing": 'hard_stop_methods = { "-5" = "positive" }'}, "'-5' is not a method"),
+        (
+            {"homing": 'hard_stop_methods = { "-5" = "positive" }'},
+            "hard_stop_methods: '-5' is not allowed; allowed: '-1', '-2', '-3' or '-4'",
+        ),
         ({"homing": 'hard_stop_methods = { "-1" = "up" }'}, "negative_index"),
         ({"homing": 'offset = "other"'}, "'profile' or 'vendor'"),
     ],

@@ -119,9 +119,12 @@ class Machine:
             assert sum(outputs) == 1, outputs
             busy += job.Busy
         # An active and a passive one may run in parallel (OVR-087). The status word is that of the cycle
-        # before the outputs.
-        assert busy <= 2
-        agrees = self.axis.var("StatusWord.X11") is bool(busy) and len(self.axis.object.homings) == busy
+        # before the outputs; a superseded job shows it at its next call.
+        agrees = (
+            busy <= 2
+            and self.axis.var("StatusWord.X11") is bool(busy)
+            and len(self.axis.object.homings) == busy
+        )
         self.behind = 0 if agrees else self.behind + 1
         assert self.behind <= 2
         assert self.plant.farthest <= LIMIT + clearance(CYCLE)
@@ -187,6 +190,7 @@ class Machine:
     [("home 3", 20), ("limit bounces", 20), ("reset", 20), ("home 3", 20), ("off", 5), ("on", 100)],
 )
 @example(ZERO_MARK, 1, [("relative", 64), ("jog", 199)])
+@example(ZERO_MARK, 1, [("home 3", 1), ("home 2", 1), ("home 2", 5)])
 def test_nothing_confuses_homing(mode, direction, deeds):
     """Jobs, faults, overrides and switches in any order; afterwards an operator homes the axis, on the right
     mark.
