@@ -8,8 +8,7 @@
 
 | place | part | step |
 |---|---|---|
-| source | `basic`: a profile advances it, or something else sets its state in every cycle | `advance`,
-`set_state` |
+| source | `basic`: a profile advances it, or something else sets its state | `advance`, `set_state` |
 | superimposed motion | `superimposed`, a `Setpoint` over `basic` | `advance` |
 | end of the interpolator | `total`, the last `Setpoint` of the chain; limits look ahead with `total.peek` | |
 | fine interpolation | `fine`, where the interpolator is slower than the servo | `begin`, `advance` |
@@ -19,8 +18,7 @@
 
 What comes next has its place here. A synchronous function sets the state of `basic` in every cycle from a
 `LeadingValue`, as a user program does with `MC_MotionInPosition`. A position correction from outside is a
-`Setpoint` over
-the present `total`, and becomes `total`.
+`Setpoint` over the present `total`, and becomes `total`.
 """
 
 from __future__ import annotations
@@ -53,7 +51,7 @@ _ROUNDING: Final = 1.0 + 1e-9
 
 
 class ServoAxis:
-    """See the module.
+    """One axis between its setpoints and its drive: the stages above, in the order of a cycle.
 
     Args:
         port: Coupling to the drive.

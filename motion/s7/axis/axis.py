@@ -813,6 +813,8 @@ class TechnologyAxis(TechnologyObject):
         servo = self.servo
         servo.setpoint_due = True
         position = self.position
+        # The encoder that was read: a restart in this cycle makes another one, which has no value yet.
+        feedback = servo.feedback
         enabling = self._enabling
         command = self.command
         self.engine.update()
@@ -855,7 +857,7 @@ class TechnologyAxis(TechnologyObject):
                     # Behind the monitoring, which comes first where both are due (STP-163).
                     self.torque.step()
             else:
-                servo.controller.follow(s if fine is None else servo.feedback.position)
+                servo.controller.follow(s if fine is None else feedback.position)
                 output = v
                 position.software.check_actual(controlled=True)
                 position.monitoring.step(controlled=False)
@@ -865,7 +867,6 @@ class TechnologyAxis(TechnologyObject):
                 output = 0.0  # the monitoring or a job has taken the axis out of control
         else:
             output = servo.actual_velocity if enabling.catching else 0.0
-            feedback = servo.feedback
             if not servo.controlled:
                 # Follow-up: the position tracks, the speed setpoint is zero (CTL-003).
                 servo.basic.set_state(feedback.position, 0.0)
