@@ -106,18 +106,21 @@ def test_every_fault_kind_is_in_the_catalogue_of_the_docs():
     }
 
 
-@pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.name)
-def test_every_parameter_of_a_fault_is_documented(entry):
+def test_every_parameter_of_a_fault_is_documented(subtests):
     """The parameters of a kind stand in its own table or in that of the choice of frames, with unit, range
     and default.
     """
-    text = page("docs/faults.md")
-    documented = rows(section(text, "### Which frames are hit")) | rows(section(text, f"### `{entry.name}`"))
+    for entry in CATALOGUE:
+        with subtests.test(entry.name):
+            text = page("docs/faults.md")
+            documented = rows(section(text, "### Which frames are hit")) | rows(
+                section(text, f"### `{entry.name}`")
+            )
 
-    assert {parameter.name: documented[parameter.name][:3] for parameter in entry.parameters} == {
-        parameter.name: [parameter.unit, range_of(parameter), default_of(parameter)]
-        for parameter in entry.parameters
-    }
+            assert {parameter.name: documented[parameter.name][:3] for parameter in entry.parameters} == {
+                parameter.name: [parameter.unit, range_of(parameter), default_of(parameter)]
+                for parameter in entry.parameters
+            }
 
 
 def test_every_trigger_is_documented():
@@ -138,10 +141,11 @@ def test_every_trigger_is_documented():
         assert trigger_from_dict(tomllib.loads(f"trigger = {toml}")["trigger"]) == made
 
 
-@pytest.mark.parametrize("name", ["README.md", "CHANGELOG.md"])
-def test_number_of_fault_kinds_is_true(name):
+def test_number_of_fault_kinds_is_true(subtests):
     """Where a page counts the kinds of faults, it counts right."""
-    assert set(re.findall(r"(\d+) kinds", page(name))) == {str(len(CATALOGUE))}
+    for name in ["README.md", "CHANGELOG.md"]:
+        with subtests.test(name=name):
+            assert set(re.findall(r"(\d+) kinds", page(name))) == {str(len(CATALOGUE))}
 
 
 # -- matrices
@@ -156,21 +160,23 @@ def _fits(word: str, text: str) -> bool:
     return f"`{word}`" in text or (family is not None and f"`{family[1]}-" in text)
 
 
-@pytest.mark.parametrize("factor", VOCABULARY.factors)
-def test_every_word_of_a_matrix_is_documented(factor):
+def test_every_word_of_a_matrix_is_documented(subtests):
     """Every factor, its words and its default stand on the page about matrices."""
-    text = page("docs/campaign-matrix.md")
+    for factor in VOCABULARY.factors:
+        with subtests.test(factor=factor):
+            text = page("docs/campaign-matrix.md")
 
-    assert f"| `{factor}` |" in text
-    assert [word for word in VOCABULARY.factors[factor] if not _fits(word, text)] == []
+            assert f"| `{factor}` |" in text
+            assert [word for word in VOCABULARY.factors[factor] if not _fits(word, text)] == []
 
 
-@pytest.mark.parametrize("path", sorted(MATRICES.glob("*.toml")), ids=lambda path: path.stem)
-def test_the_number_of_cases_of_a_shipped_matrix_is_true(path):
+def test_the_number_of_cases_of_a_shipped_matrix_is_true(subtests):
     """The table of the matrices that ship says how many cases each has."""
-    (row,) = re.findall(rf"\| `{path.name}` \|.*\| (\d+) \|", page("docs/campaign-matrix.md"))
+    for path in sorted(MATRICES.glob("*.toml")):
+        with subtests.test(path.stem):
+            (row,) = re.findall(rf"\| `{path.name}` \|.*\| (\d+) \|", page("docs/campaign-matrix.md"))
 
-    assert int(row) == len(load_matrix(path).cases)
+            assert int(row) == len(load_matrix(path).cases)
 
 
 def test_every_key_of_a_matrix_is_documented():
@@ -188,30 +194,31 @@ def test_every_key_of_a_matrix_is_documented():
 # -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", sorted(typer.main.get_command(app).commands))
-def test_every_command_is_documented(name):
+def test_every_command_is_documented(subtests):
     """Every command has a section that names all its long options; each option is explained there or in the
     common table.
     """
-    text = page("docs/cli.md")
-    own = section(text, f"## `hil {name}`")
-    common = text.partition("\n## ")[0]
-    options = [
-        option
-        for parameter in typer.main.get_command(app).commands[name].params
-        for option in [*parameter.opts, *parameter.secondary_opts]
-        if option.startswith("-")
-    ]
+    for name in sorted(typer.main.get_command(app).commands):
+        with subtests.test(name=name):
+            text = page("docs/cli.md")
+            own = section(text, f"## `hil {name}`")
+            common = text.partition("\n## ")[0]
+            options = [
+                option
+                for parameter in typer.main.get_command(app).commands[name].params
+                for option in [*parameter.opts, *parameter.secondary_opts]
+                if option.startswith("-")
+            ]
 
-    assert "--json" in options or name in ("emulate", "eds", "panel", "schema")
-    assert [option for option in options if f"`{option}`" not in own + common] == []
-    assert [
-        option for option in options if option.startswith("--") and not re.search(rf"{option}\b", own)
-    ] == []
-    for parameter in typer.main.get_command(app).commands[name].params:
-        if isinstance(parameter.default, Path):
-            assert f"`{parameter.default}`" in own + common, "its default folder"
-    assert f"`{name}`" in page("CHANGELOG.md") or f"`hil {name}`" in page("CHANGELOG.md")
+            assert "--json" in options or name in ("emulate", "eds", "panel", "schema")
+            assert [option for option in options if f"`{option}`" not in own + common] == []
+            assert [
+                option for option in options if option.startswith("--") and not re.search(rf"{option}\b", own)
+            ] == []
+            for parameter in typer.main.get_command(app).commands[name].params:
+                if isinstance(parameter.default, Path):
+                    assert f"`{parameter.default}`" in own + common, "its default folder"
+            assert f"`{name}`" in page("CHANGELOG.md") or f"`hil {name}`" in page("CHANGELOG.md")
 
 
 def test_every_option_of_the_plugin_is_documented():
@@ -311,15 +318,18 @@ def test_every_invariant_is_documented():
 # ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", PAGES)
-def test_links_lead_somewhere(name):
+def test_links_lead_somewhere(subtests):
     """Every relative link, and every file below docs/ that a page names, exists."""
-    text = page(name)
-    links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in link]
-    targets = [(ROOT / name).parent / link for link in links if link]
-    targets += [ROOT / mention for mention in re.findall(r"`(docs/[\w./-]+)`", text)]
+    for name in PAGES:
+        with subtests.test(name=name):
+            text = page(name)
+            links = [
+                link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in link
+            ]
+            targets = [(ROOT / name).parent / link for link in links if link]
+            targets += [ROOT / mention for mention in re.findall(r"`(docs/[\w./-]+)`", text)]
 
-    assert [str(target) for target in targets if not target.exists()] == []
+            assert [str(target) for target in targets if not target.exists()] == []
 
 
 @pytest.mark.parametrize("name", ["report-list.png", "report-case.png"])
@@ -332,22 +342,23 @@ def test_pictures_are_small_enough(name):
     assert f"docs/images/{name}" in page("README.md")
 
 
-@pytest.mark.parametrize("name", PAGES)
-def test_nothing_is_said_twice_in_a_table_or_list(name):
+def test_nothing_is_said_twice_in_a_table_or_list(subtests):
     """No two rows of a table begin with the same two cells, no two points of a page with the same words in
     bold.
     """
-    text = page(name)
-    said: list[tuple[str, ...]] = []
-    table = -1
-    for number, line in enumerate(text.splitlines()):
-        if not line.startswith("|"):
+    for name in PAGES:
+        with subtests.test(name=name):
+            text = page(name)
+            said: list[tuple[str, ...]] = []
             table = -1
-            if found := re.match(r"\* (\*\*.+?\*\*)", line):
-                said.append((found[1],))
-            continue
-        table = number if table < 0 else table
-        cells = [cell.strip() for cell in line.strip("|").split("|")]
-        if set(line) - set("|- :"):
-            said.append((str(table), *cells[:2]))
-    assert sorted(said) == sorted(set(said))
+            for number, line in enumerate(text.splitlines()):
+                if not line.startswith("|"):
+                    table = -1
+                    if found := re.match(r"\* (\*\*.+?\*\*)", line):
+                        said.append((found[1],))
+                    continue
+                table = number if table < 0 else table
+                cells = [cell.strip() for cell in line.strip("|").split("|")]
+                if set(line) - set("|- :"):
+                    said.append((str(table), *cells[:2]))
+            assert sorted(said) == sorted(set(said))

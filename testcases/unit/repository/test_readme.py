@@ -175,48 +175,46 @@ def test_encoders_in_the_docs_come_up():
     assert states == ["OPERATIONAL"] * 3
 
 
-@pytest.mark.parametrize("example", FAULTS, ids=lambda text: text.split('"')[1])
-def test_examples_of_the_fault_catalogue_are_applied(example):
+def test_examples_of_the_fault_catalogue_are_applied(subtests):
     """The example of a fault kind can be injected as it stands where encoder, brake and interlock are fitted.
 
     What only a PROFIdrive axis, an I/O station or a pulse module has is injected there.
     """
-    kind = example.split('"')[1]
+    for example in FAULTS:
+        kind = example.split('"')[1]
+        with subtests.test(kind), bench_for(kind).build() as bench:
+            faults = Injector(bench)
+            exec(example, {"faults": faults, "bench": bench})
+            bench.run_for(0.02)
+            (armed,) = faults.armed
+            assert armed.applied_ns is not None
+
+
+def bench_for(kind):
+    """Return the bench file that has what a kind of fault acts on."""
     if kind.startswith(("io.", "pto.", "terminal.")):
-        assert_applied(load_bench("stepper" if kind.startswith("pto.") else "analog"), example)
-        return
+        return load_bench("stepper" if kind.startswith("pto.") else "analog")
     if kind.startswith("modbus."):
         line = kind in ("modbus.crc", "modbus.broadcast", "modbus.noise")
-        assert_applied(load_bench("profidrive_rtu" if line else "profidrive_tcp"), example)
-        return
-    at_profidrive = example.split('"')[1].startswith(("telegram.", "safety.", "encoder.error"))
+        return load_bench("profidrive_rtu" if line else "profidrive_tcp")
+    at_profidrive = kind.startswith(("telegram.", "safety.", "encoder.error"))
     base, safety = ("profidrive", SAFETY) if at_profidrive else ("reference", 'interlock = "inhibit"')
     fitted = (
         f"[drive.drive1.brake]\ntorque_nm = 5.0\n[drive.drive1.safety]\n{safety}\n\n"
         '[encoder.encoder1]\nsegment = "can0"\nnode_id = 20\n\n[axis.axis1]\n'
     )
-    text = load_bench(base).text.replace("[axis.axis1]\n", fitted)
-    assert_applied(BenchFile("fitted.toml", text), example)
+    return BenchFile("fitted.toml", load_bench(base).text.replace("[axis.axis1]\n", fitted))
 
 
-def assert_applied(bench_file, example):
-    """Inject an example of the page on a bench; its one fault is applied."""
-    with bench_file.build() as bench:
-        faults = Injector(bench)
-        exec(example, {"faults": faults, "bench": bench})
-        bench.run_for(0.02)
-        (armed,) = faults.armed
-        assert armed.applied_ns is not None
-
-
-@pytest.mark.parametrize("line", COMMANDS)
-def test_commands_in_the_docs_exist(line):
+def test_commands_in_the_docs_exist(subtests):
     """Every `hil` command that a page shows is understood, with all its options."""
-    _, name, *arguments = shlex.split(line)
-    command = typer.main.get_command(app).commands[name]
+    for line in COMMANDS:
+        with subtests.test(line=line):
+            _, name, *arguments = shlex.split(line)
+            command = typer.main.get_command(app).commands[name]
 
-    with command.make_context(name, arguments) as context:
-        assert context.command is command
+            with command.make_context(name, arguments) as context:
+                assert context.command is command
 
 
 def test_json_of_a_run_is_as_documented():
