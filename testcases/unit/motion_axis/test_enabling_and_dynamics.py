@@ -185,11 +185,15 @@ def test_enabling_without_ramp_ignores_limits_and_monitoring(make_rig, velocity_
     rig = make_rig(variables=start)
     coasting(rig)
     rig.axis.power(True, start_mode=int(velocity_mode))
-    rig.until(rig.axis.power_instance.status)
+    rig.until(lambda: rig.axis.object.servo.controlled)
+    begun = len(rig.rows) - 1
     rig.run(0.2)
-    assert rig.column("velocity_setpoint")[-1] == 0.0
-    steps = [b - a for a, b in pairwise(rig.column("actual_velocity"))]
+    assert rig.axis.power_instance.status()
+    assert set(rig.column("velocity_setpoint")[begun:]) == {0.0}
+    steps = [b - a for a, b in pairwise(rig.column("actual_velocity")[begun:])]
     assert min(steps) < -2000.0 * CYCLE * 2.0
+    at_rest = next(at for at, speed in enumerate(rig.column("actual_velocity")[begun:]) if abs(speed) < 1.0)
+    assert at_rest <= 5
     assert not raised(rig)
 
 

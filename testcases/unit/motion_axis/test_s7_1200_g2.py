@@ -51,9 +51,30 @@ class TestDifferences:
 
     @pytest.mark.requirement("G2-001")
     @pytest.mark.parametrize("name", BASIC)
-    def test_basic_instructions(self, rig, name):
-        """Every instruction of the text can be instantiated."""
-        getattr(instructions, name)(rig.axis.object)
+    def test_basic_instructions(self, name):
+        """Every instruction of the text does its work on an enabled axis, up to its end output."""
+        rig = make(port=TorquePort()) if name == "MC_SetAxisSTW" else make()
+        axis = rig.enabled().axis
+        if name == "MC_MoveAbsolute":
+            rig.until(axis.home(0.0).done)
+        if name in ("MC_Halt", "MC_Stop"):
+            rig.until(axis.move_velocity(50.0).in_velocity)
+        start, output = {
+            "MC_Power": (axis.power, "Status"),
+            "MC_Reset": (axis.reset, "Done"),
+            "MC_Home": (lambda: axis.home(5.0), "Done"),
+            "MC_Halt": (axis.halt, "Done"),
+            "MC_Stop": (axis.stop, "Done"),
+            "MC_MoveVelocity": (lambda: axis.move_velocity(50.0), "InVelocity"),
+            "MC_MoveRelative": (lambda: axis.move_relative(2.0), "Done"),
+            "MC_MoveAbsolute": (lambda: axis.move_absolute(2.0), "Done"),
+            "MC_MoveJog": (lambda: axis.jog(50.0), "InVelocity"),
+            "MC_SetAxisSTW": (lambda: axis.set_axis_stw(STW1=0x0800, STW1BitMask=0x0800), "Done"),
+        }[name]
+        job = start()
+        assert isinstance(job, getattr(instructions, name))
+        rig.until(lambda: getattr(job, output) or job.Error)
+        assert not job.Error, hex(job.ErrorID)
 
     @pytest.mark.requirement("CFG-062")
     @pytest.mark.parametrize("name", sorted(LEVELS[G2].without))

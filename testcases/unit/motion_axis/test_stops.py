@@ -4,6 +4,8 @@ specification).
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 
 from motion.s7.axis import AxisState
@@ -342,9 +344,17 @@ def test_disabling_cannot_be_cancelled(rig):
     rig.travelling()
     rig.axis.power(False, stop_mode=2)
     rig.run(0.05)
+    assert rig.axis.state is AxisState.DISABLING_RAMP
+    asked = len(rig.rows)
     power = rig.axis.power()
     rig.until(lambda: rig.axis.state is AxisState.DISABLED)
+    speeds = rig.column("velocity_setpoint")[asked:]
+    assert speeds[0] > 100.0
+    assert all(after <= before for before, after in pairwise(speeds))
+    assert speeds[-1] == 0.0
+    assert not power.status()
     rig.until(power.status)
+    assert rig.column("velocity_setpoint")[-1] == 0.0
 
 
 @pytest.mark.requirement("STP-025", "STP-292")
