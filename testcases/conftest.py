@@ -24,12 +24,17 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 import hil
+from hil.fuzz._provider import BACKEND
 
 ROOT = Path(__file__).resolve().parents[1]
 
 # Stateful programs take long on a loaded machine: a deadline would measure the machine.
 settings.register_profile("dev", deadline=None, print_blob=True)
-settings.register_profile("ci", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+# Hypothesis mixes constants of the modules that happen to be loaded into its examples; the provider of the
+# program search does not, so that examples depend on the test alone.
+settings.register_profile(
+    "ci", deadline=None, derandomize=True, backend=BACKEND, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.register_profile(
     "nightly", deadline=None, max_examples=2000, suppress_health_check=[HealthCheck.too_slow]
 )

@@ -388,7 +388,7 @@ def test_outputs_have_a_mask(make_bench):
 def test_brake_bit(make_bench):
     """Bit 0 of 60FEh sets the brake of an enabled drive, and holds it open while the drive is off."""
     reference = DriveConfig.reference()
-    bench = make_bench(replace(reference, brake=replace(reference.brake, torque_Nm=10.0)))
+    bench = make_bench(replace(reference, brake=replace(reference.brake, torque_nm=10.0)))
     brake = bench.drive.core.brake
     assert brake.closed
     bench.write(0x60FE, 1, 2)
