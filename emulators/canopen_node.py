@@ -39,8 +39,6 @@ class CanopenNode:
 
     """
 
-    __slots__ = ("_emcy_code", "_emcys", "slave")
-
     def __init__(
         self,
         scheduler: Scheduler,
@@ -68,8 +66,13 @@ class CanopenNode:
 
     # -- objects -----------------------------------------------------------------------------------------
 
-    def require(self, indexes: Iterable[int], device: str) -> None:
+    def require(self, indexes: Iterable[int], device: str, eds: str | os.PathLike[str] | None) -> None:
         """Check that the EDS has the objects without which it is not that of the device.
+
+        Args:
+            indexes: Objects.
+            device: What it is, for the message.
+            eds: The file; None: that of the product.
 
         Raises:
             ConfigurationError: One is missing.
@@ -77,7 +80,9 @@ class CanopenNode:
         """
         for index in indexes:
             if index << 8 not in self.slave.store.entries:
-                raise ConfigurationError("eds", f"no object {index:04X}h", f"an EDS of a {device}")
+                raise ConfigurationError(
+                    "eds", str(eds), f"an EDS of a {device}", problem=f"has no object {index:04X}h"
+                )
 
     def add_missing(self, rows: Iterable[ObjectRow]) -> None:
         """Give objects that the EDS lacks their built-in default, so that the device works with any EDS.

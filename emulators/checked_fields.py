@@ -13,12 +13,16 @@ from dataclasses import fields
 from types import UnionType
 from typing import Annotated, Any, Final, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 
 from fieldbus.errors import ConfigurationError
 
 BENCH_FILE_TABLE: Final[dict[str, Any]] = {"extra": "forbid", "allow_inf_nan": False}
 """For `__pydantic_config__` of a configuration: unknown keys are errors, and so is what is not finite."""
+
+
+Positive = Annotated[float, Gt(0.0)]
+NotNegative = Annotated[float, Ge(0.0)]
 
 
 class _Rule(NamedTuple):
@@ -60,6 +64,12 @@ def _rules(kind: type[Any]) -> tuple[_Rule, ...]:
 
 
 def _rules_of(field: str, hint: Any) -> tuple[_Rule, ...]:
+    allowed = _allowed(hint)
+    return () if allowed is None else (_Rule(field, *allowed),)
+
+
+def _allowed(hint: Any) -> tuple[Callable[[Any], bool], str] | None:
+    """Return the check of a type and what it allows in words; None: there is nothing to check."""
     marks: tuple[Any, ...] = ()
     optional = False
     while True:
@@ -73,18 +83,36 @@ def _rules_of(field: str, hint: Any) -> tuple[_Rule, ...]:
             break
     if get_origin(hint) is Literal:
         choices = get_args(hint)
-        return (_Rule(field, lambda value: value in choices, ", ".join(map(str, choices))),)
+        return lambda value: value in choices or (optional and value is None), ", ".join(map(str, choices))
+    if get_origin(hint) is tuple:
+        return _allowed_list(get_args(hint), marks)
     if hint not in (int, float):
-        return ()
+        return None
     limits = [one for one in marks if isinstance(one, (Ge, Gt, Le, Lt))]
-    text = " and ".join(["a finite number", *map(_text, limits)])
 
     def allows(value: Any) -> bool:
         if value is None:
             return optional
         return math.isfinite(value) and all(_keeps(limit, value) for limit in limits)
 
-    return (_Rule(field, allows, text),)
+    return allows, " and ".join(["a finite number", *map(_text, limits)])
+
+
+def _allowed_list(inner: tuple[Any, ...], marks: tuple[Any, ...]) -> tuple[Callable[[Any], bool], str] | None:
+    one = _allowed(inner[0])
+    if one is None:
+        return None
+    each, text = one
+    repeated = inner[1:] == (Ellipsis,)
+    low = next((mark.min_length for mark in marks if isinstance(mark, MinLen)), 0)
+    high = next((mark.max_length for mark in marks if isinstance(mark, MaxLen)), math.inf)
+    if not repeated:
+        low, high = len(inner), len(inner)
+    count = f"{low}" if low == high else f"{low} or more" if high == math.inf else f"{low} to {high}"
+    return (
+        lambda values: low <= len(values) <= high and all(map(each, values)),
+        f"{count} values, each {text}",
+    )
 
 
 def _text(limit: Ge | Gt | Le | Lt) -> str:

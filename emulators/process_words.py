@@ -42,18 +42,6 @@ class ProcessWords:
 
     """
 
-    __slots__ = (
-        "_carriers",
-        "_counts",
-        "_from_words",
-        "_gather",
-        "_keys_in",
-        "_keys_out",
-        "_slave",
-        "_to_frame",
-        "_touches",
-    )
-
     def __init__(self, slave: CanopenSlave, telegram: Telegram) -> None:
         out, back = telegram.setpoint.words, telegram.actual.words
         for words in (out, back):
@@ -113,8 +101,6 @@ class SyncCycle:
         free_running_ns: Bus cycle without SYNC, ns; None: without SYNC there is none.
 
     """
-
-    __slots__ = ("_run", "_scheduler", "_silence_ns", "_slave", "_sync_ns", "_words")
 
     def __init__(
         self,

@@ -15,8 +15,6 @@ class Repetition:
 
     """
 
-    __slots__ = ("_action", "_period_ns", "_scheduler", "_timer")
-
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
         self._period_ns = 0

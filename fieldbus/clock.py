@@ -93,8 +93,8 @@ class Scheduler(ABC):
         return timer
 
     def again(self, timer: Timer, time_ns: int) -> None:
-        """Enter a single event again that has fired; cheaper than a new one. It must not be entered or
-        cancelled.
+        """Enter a single event again that has fired; cheaper than a new one. It
+        must not be entered or cancelled.
 
         Args:
             timer: The event.
@@ -147,9 +147,9 @@ class Scheduler(ABC):
     def run_until(self, predicate: Callable[[], object], timeout_ns: int) -> bool:
         """Run until `predicate` is true or `timeout_ns` has passed.
 
-        The predicate is evaluated before the first event and after all events of one instant, and in real
-        time also after the posted work. A predicate about time alone is therefore seen only at the next
-        event.
+        The predicate is evaluated before the first event and after all events of one
+        instant, and in real time also after the posted work. A predicate about time alone is
+        therefore seen only at the next event.
 
         Returns:
             Whether the predicate became true.
@@ -172,8 +172,8 @@ class Scheduler(ABC):
 
     @property
     def next_due_ns(self) -> int | None:
-        """Time of the next event that is entered, ns; None when there is none. Posted work is not an
-        event.
+        """Time of the next event that is entered, ns; None when there is
+        none. Posted work is not an event.
         """
         heap = self._heap
         while heap and heap[0][3].cancelled:
@@ -273,8 +273,8 @@ class RealtimeScheduler(Scheduler):
         return super().every(period_ns, callback, phase_ns=phase_ns, priority=priority)
 
     def _refresh(self) -> None:
-        # Between runs the clock goes on without us: a delay must not start when the last run ended. Inside of
-        # a callback `now` stands, as in virtual time.
+        # The clock runs on between runs: a delay must not start when the last run ended. Inside of a callback
+        # `now` stands, as in virtual time.
         if not self._running:
             self.now = max(self.now, time.monotonic_ns() - self.origin_ns)
 

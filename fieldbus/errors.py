@@ -1,5 +1,12 @@
 """Root of every exception that this product raises on purpose."""
 
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Self
+
 
 class HilError(Exception):
     """Base of all exceptions of the product; catching it catches nothing of third parties."""
@@ -14,14 +21,118 @@ class ConfigurationError(HilError):
         where: File, key path or parameter name.
         value: The offending value as given.
         allowed: What would have been accepted, in words.
+        problem: What is wrong with the value, where it is more than that it is not allowed.
 
     """
 
-    def __init__(self, where: str, value: object, allowed: str) -> None:
-        super().__init__(f"{where}: {value!r} is not allowed; allowed: {allowed}")
+    def __init__(self, where: str, value: object, allowed: str, *, problem: str = "is not allowed") -> None:
+        super().__init__(f"{where}: {value!r} {problem}; allowed: {allowed}")
         self.where = where
         self.value = value
         self.allowed = allowed
+
+    def within(self, place: str) -> Self:
+        """Return the same error with a place in front of its message: `bench.toml`, `drive.x_drive`."""
+        error = type(self).__new__(type(self), f"{place}: {self}")
+        error.__dict__.update(self.__dict__)
+        return error
+
+
+class UnknownNameError(ConfigurationError):
+    """A name given by the user is not a known one.
+
+    The message names similar ones, or all of them.
+
+    Args:
+        where: File, key path or parameter name; empty: the name itself is the place.
+        name: The name as given.
+        what: What it should name: `a kind of fault`.
+        known: All known names.
+        listed_by: Command that lists them, where they are too many for a message.
+        more: What else could be done.
+
+    """
+
+    def __init__(
+        self,
+        where: str,
+        name: object,
+        what: str,
+        known: Iterable[str],
+        *,
+        listed_by: str = "",
+        more: str = "",
+    ) -> None:
+        names = list(known)
+        every = f"`{listed_by}` lists them" if listed_by else f"allowed: {', '.join(names) or 'none'}"
+        text = similar_names(str(name), names) or every
+        text += f"; {more}" if more else ""
+        super(ConfigurationError, self).__init__(
+            f"{where}: {name!r} is not {what}; {text}" if where else f"{name}: this is not {what}; {text}"
+        )
+        self.where = where or str(name)
+        self.value = name
+        self.allowed = text
+
+
+class MissingValueError(ConfigurationError):
+    """A value that the user has to give is missing.
+
+    Args:
+        where: File, key path or parameter name.
+        allowed: What would be accepted, in words.
+
+    """
+
+    def __init__(self, where: str, allowed: str) -> None:
+        super(ConfigurationError, self).__init__(f"{where} is missing; allowed: {allowed}")
+        self.where = where
+        self.value = None
+        self.allowed = allowed
+
+
+def similar_names(name: str, known: Iterable[str], most: int = 3) -> str:
+    """Return `similar: ...` with the nearest names, capital letters aside; empty: none is near."""
+    by_lower: dict[str, list[str]] = {}
+    for one in dict.fromkeys(known):
+        by_lower.setdefault(one.lower(), []).append(one)
+    near = difflib.get_close_matches(name.lower(), by_lower, n=most)
+    return f"similar: {', '.join(one for key in near for one in by_lower[key])}" if near else ""
+
+
+class UnknownAttributeError(AttributeError):
+    """An object has no attribute of this name.
+
+    The message, which is made only when somebody reads it, says what to use instead, or names similar ones.
+
+    Args:
+        owner: The object.
+        attribute: The name as given.
+        what: How the message calls the object; empty: by its class.
+        instead: What to use instead, where that is known.
+
+    """
+
+    def __init__(self, owner: object, attribute: str, *, what: str = "", instead: str = "") -> None:
+        super().__init__(attribute)
+        self._owner = owner
+        self._attribute = attribute
+        self._what = what or type(owner).__name__
+        self._instead = instead
+
+    def __str__(self) -> str:
+        public = [one for one in dir(self._owner) if not one.startswith("_")]
+        hint = f"use {self._instead}" if self._instead else similar_names(self._attribute, public)
+        return f"{self._what} has no {self._attribute!r}" + (f"; {hint}" if hint else "")
+
+
+@contextmanager
+def located(place: str) -> Iterator[None]:
+    """Put a place in front of the message of a `ConfigurationError` that passes."""
+    try:
+        yield
+    except ConfigurationError as error:
+        raise error.within(place) from error.__cause__
 
 
 class SchedulerError(HilError):

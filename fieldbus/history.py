@@ -1,5 +1,5 @@
-"""The one ordered log of a bench: everything that happens is an event of it, in the order in which it
-happened.
+"""The one ordered log of a bench: everything that happens is an event of it, in
+the order in which it happened.
 
 Job edges, state changes, alarms, faults and service messages are `Event` entries; CAN frames, which come by
 the thousand, are kept by the medium in a log of their own with the same clock (`fieldbus.can`).
@@ -40,18 +40,16 @@ class History:
         self._scheduler = scheduler
         self.events: list[Event] = []
         self.declared: set[str] = set()
-        """Kinds that parts of one's own will emit."""
+        """Kinds that a user's own parts will emit."""
         self._listeners: list[tuple[Callable[[Event], None]]] = []
 
     def declare(self, *kinds: str) -> None:
-        """Tell kinds that a part of one's own will emit, so that a trigger may wait for them before the first
-        has come.
-        """
+        """Announce kinds that a user's own part will emit: a trigger may wait for them from now on."""
         self.declared.update(kinds)
 
     def emit(self, source: str, kind: str, /, **data: Scalar) -> None:
-        """Append an event at the present time, then call the listeners in the order in which they were
-        added.
+        """Append an event at the present time, then call the listeners in the
+        order in which they were added.
         """
         event = Event(self._scheduler.now, source, kind, data)
         self.events.append(event)
@@ -59,8 +57,8 @@ class History:
             listener(event)
 
     def listen(self, listener: Callable[[Event], None]) -> Callable[[], None]:
-        """Call `listener` with every event from now on; returns the function that ends it (harmless to
-        repeat).
+        """Call `listener` with every event from now on; returns the function
+        that ends it (harmless to repeat).
 
         A listener that emits is served at once: the listeners after it get the inner event first. Who needs
         the order of things reads `events`.

@@ -1,9 +1,9 @@
-"""The clock of one node: a scheduler of its own on top of that of the bench, which can run fast or slow, and
-unevenly.
+"""The clock of one node: a scheduler of its own on top of that of the bench, which can
+run fast or slow, and unevenly.
 
-All times that a node receives and calculates are those of its own clock. While that runs as the bench does,
-they are equal. What the node has entered stays due at the same time of its clock when the clock changes its
-pace.
+All times that a node receives and calculates are those of its own clock. While that runs as the
+bench does, they are equal. What the node has entered stays due at the same time of its clock
+when the clock changes its pace.
 """
 
 from __future__ import annotations

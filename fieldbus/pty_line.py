@@ -47,16 +47,16 @@ class PtyLine:
         self._thread.start()
 
     @property
-    def room(self) -> int:
+    def free(self) -> int:
         """Bytes that `write` would take now."""
         return _BUFFER - len(self._output)
 
     def write(self, data: bytes) -> bool:
-        """Send `data` to the program, all of it or nothing; returns whether there was room."""
+        """Send `data` to the program, all of it or nothing; returns whether it fitted."""
         if not data:
             return True
         with self._lock:
-            if len(data) > self.room or self._closed.is_set():
+            if len(data) > self.free or self._closed.is_set():
                 return False
             self._output += data
         with suppress(BlockingIOError):  # full: it will wake all the same

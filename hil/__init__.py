@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hil.faults import CATALOGUE, ArmedFault, Fault, Injector
     from hil.protocols import Device, Drive, Encoder
     from hil.record import EventSelector, Recorder, Signal, Trace, event
-    from hil.testing import CurrentTrace
+    from hil.testing import CurrentTrace, NewBench
     from motion.s7.handles import AxisHandle as Axis
     from motion.s7.handles import EncoderHandle as ExternalEncoder
     from motion.s7.instructions import Instruction as Job
@@ -46,6 +46,7 @@ __all__ = [
     "Fault",
     "Injector",
     "Job",
+    "NewBench",
     "Node",
     "Recorder",
     "RunOptions",
@@ -64,6 +65,7 @@ if not TYPE_CHECKING:
         "Bench": ("hil.bench.bench", "Bench"),
         "CATALOGUE": ("hil.faults", "CATALOGUE"),
         "CurrentTrace": ("hil.testing", "CurrentTrace"),
+        "NewBench": ("hil.testing", "NewBench"),
         "Expectation": ("hil.expect", "Expectation"),
         "ExternalEncoder": ("motion.s7.handles", "EncoderHandle"),
         "Job": ("motion.s7.instructions", "Instruction"),
@@ -84,6 +86,9 @@ if not TYPE_CHECKING:
     def __getattr__(name: str) -> object:
         """Load a name when it is first used."""
         if name not in _PLACES:
-            raise AttributeError(f"module 'hil' has no attribute {name!r}")
+            from fieldbus.errors import similar_names
+
+            similar = similar_names(name, __all__)
+            raise AttributeError(f"module 'hil' has no {name!r}" + (f"; {similar}" if similar else ""))
         module, other = _PLACES[name]
         return getattr(import_module(module), other or name)

@@ -15,8 +15,8 @@ from types import FrameType
 from typing import Final
 
 ORDERLY_S: Final = 10.0
-"""How long further signals are ignored after the first: drives are disabled, processes end, the report is
-written.
+"""How long further signals are ignored after the first: drives are disabled,
+processes end, the report is written.
 """
 
 _SIGNALS: Final = (
@@ -62,7 +62,7 @@ def interruptible(*, last: bool = False) -> Iterator[None]:
         yield
         return
     _asked_s = None
-    # A process that was started with a signal ignored, by nohup for example, goes on ignoring it.
+    # A process that was started with a signal ignored, by nohup for example, continues ignoring it.
     wanted = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
     before = {number: signal.signal(number, _interrupt) for number in wanted}
     try:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from hil._commands.terminal import console
 from hil.errors import CannotRunError
 from reports import HISTORY_FILE, Background, HistoryError, ReportPaths, markdown_summary, remember
 from reports.model import RunResult
+from reports.naming import naming
+from reports.passes import remember_passes
 
 NO_HISTORY = "none"
 
@@ -22,14 +25,14 @@ def history_file(choice: str, report: Path) -> Path | None:
 
 
 def kept(run: RunResult, report: Path, choice: str) -> Background | None:
-    """Record a run and return what came before; a history that fails is said and costs the report nothing
-    else.
+    """Record a run and return what came before; a history that fails is said and
+    costs the report nothing else.
     """
     path = history_file(choice, report)
     if path is None or not run.cases:
         return None
     try:
-        return remember(run, path)
+        return replace(remember(run, path), passes=remember_passes(run, path))
     except HistoryError as error:
         console().print(f"warning: the run is not in the history: {error}", style="yellow", markup=False)
         return None
@@ -54,8 +57,8 @@ def check_summary(choice: str, *, as_json: bool) -> None:
 
 
 def give_summary(choice: str, run: RunResult, background: Background | None, paths: ReportPaths) -> None:
-    """Write the summary to a file, to standard output (`-`), or append it to what `GITHUB_STEP_SUMMARY` names
-    (`auto`).
+    """Write the summary to a file, to standard output (`-`), or append it to what
+    `GITHUB_STEP_SUMMARY` names (`auto`).
     """
     if not choice:
         return
@@ -68,9 +71,10 @@ def give_summary(choice: str, run: RunResult, background: Background | None, pat
         if not target:
             console().print(f"no summary: {VARIABLE} is not set", style="dim", markup=False)
             return
-        with Path(target).open("a", encoding="utf-8", errors="replace") as stream:
+        with naming(Path(target)), Path(target).open("a", encoding="utf-8", errors="replace") as stream:
             stream.write(text)
         return
     file = Path(choice)
     file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(text, encoding="utf-8", errors="replace")
+    with naming(file):
+        file.write_text(text, encoding="utf-8", errors="replace")

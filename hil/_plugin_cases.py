@@ -8,17 +8,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pytest
 
-from hil._plugin_settings import bench_reference, run_seed
+from hil._plugin_settings import bench_reference, run_seed, shortest
 from hil.campaign import CaseSettings, case_seed, execute_case
 from hil.campaign._discover import matrix_campaign
 from hil.campaign._execute import make_token
 from hil.campaign._worker import bench_of
 from hil.errors import BlockedError, HilError
 from reports import replay_command
-from reports.model import CaseResult, Verdict
+from reports.model import Verdict
 
 if TYPE_CHECKING:
+    from hil.bench.bench import Bench
     from hil.campaign import Case
+    from hil.campaign._execute import Execution
     from hil.protocols import BenchFile
 
 
@@ -38,8 +40,8 @@ class MatrixTests(pytest.File):
 class CaseOutcome(NamedTuple):
     """What has become of a case."""
 
-    result: CaseResult
-    bench_file: BenchFile
+    execution: Execution
+    bench_file: BenchFile[Bench]
 
 
 class CaseTest(pytest.Item):
@@ -55,17 +57,18 @@ class CaseTest(pytest.Item):
     def runtest(self) -> None:
         """Run the case with the seed that `hil run` gives it."""
         bench = bench_reference(self.config, default=self.case.bench)
-        bench_file: BenchFile = bench_of(bench)
+        bench_file: BenchFile[Bench] = bench_of(bench)
         seed = case_seed(run_seed(self.config), self.case.identifier)
         token = make_token(
             self.case,
             seed=seed,
-            campaign=_shortest(self.path),
+            campaign=shortest(self.path),
             bench=bench,
             bench_digest=bench_file.digest,
         )
-        result = execute_case(self.case, bench_file, CaseSettings(seed=seed, token=token)).result
-        self.outcome = CaseOutcome(result, bench_file)
+        execution = execute_case(self.case, bench_file, CaseSettings(seed=seed, token=token))
+        result = execution.result
+        self.outcome = CaseOutcome(execution, bench_file)
         if result.verdict is Verdict.BLOCKED:
             raise BlockedError(result.message)
         if result.verdict is not Verdict.PASSED:
@@ -80,9 +83,3 @@ class CaseTest(pytest.Item):
     def reportinfo(self) -> tuple[Path, int | None, str]:
         """Return where the test comes from, and its name."""
         return self.path, 0, self.case.identifier
-
-
-def _shortest(path: Path) -> str:
-    """Return the path as the user would write it here, for the token."""
-    here = Path.cwd()
-    return str(path.relative_to(here) if path.is_relative_to(here) else path)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 import pytest
 
@@ -24,12 +24,31 @@ def add_options(parser: pytest.Parser) -> None:
         "--hil-report", metavar="DIR", default=None, help="write an HTML report of the tests that use a bench"
     )
     group.addoption(
+        "--hil-evidence",
+        choices=("all", "failed", "none"),
+        default=None,
+        help="traces and bus logs of which tests are kept in the report folder (default failed)",
+    )
+    group.addoption(
+        "--hil-example",
+        metavar="TEXT",
+        default="",
+        help="example of Hypothesis that a replayed test begins with, as hil replay gives it",
+    )
+    group.addoption(
         "--hil-history",
         metavar="FILE",
         default="",
         help="history of runs (default history.sqlite in the report folder; or none)",
     )
     group.addoption("--hil-seed", metavar="N", type=int, default=None, help="seed of the run (default 0)")
+    group.addoption(
+        "--hil-catalogue",
+        metavar="FILE",
+        default="",
+        help="requirements of your own, CSV or ReqIF, which lead the report",
+    )
+    parser.addini("hil_catalogue", "catalogue used when --hil-catalogue is not given", default="")
     parser.addini("hil_bench", "bench file used when --hil-bench is not given", default="")
     parser.addini("hil_seed", "seed used when --hil-seed is not given", default="0")
 
@@ -43,6 +62,27 @@ def add_markers(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers", "hil_bench(reference): bench file for this test in place of the default one"
     )
+
+
+def own_catalogue(config: pytest.Config) -> Path | None:
+    """Return the file with requirements of the user; None: there is none.
+
+    Raises:
+        pytest.UsageError: It cannot be read.
+
+    """
+    name = str(config.getoption("--hil-catalogue") or config.getini("hil_catalogue"))
+    if not name:
+        return None
+    from hil._own_catalogue import load_catalogue
+    from hil.errors import CannotRunError
+
+    path = config.rootpath / name
+    try:
+        load_catalogue(path)
+    except CannotRunError as error:
+        raise pytest.UsageError(str(error)) from None
+    return path
 
 
 def run_seed(config: pytest.Config) -> int:
@@ -60,16 +100,78 @@ def run_seed(config: pytest.Config) -> int:
         raise pytest.UsageError(f"hil_seed: {text!r} is no whole number") from None
 
 
-def bench_reference(config: pytest.Config, wanted: str = "", *, default: str = "") -> str:
+def bench_reference(
+    config: pytest.Config, wanted: str = "", *, near: Path | None = None, default: str = ""
+) -> str:
     """Return the reference of a bench file.
+
+    A path counts from the current folder; where there is no such file, that of a test from the folder of
+    its file, and that of the ini file from that of the ini file.
 
     Args:
         config: Of pytest.
         wanted: Reference of the test itself; it takes precedence over option and setting.
+        near: Folder of the file of the test.
         default: Used without any of these.
 
     """
-    return str(wanted or config.getoption("--hil-bench") or config.getini("hil_bench") or default)
+    given = str(wanted or config.getoption("--hil-bench") or "")
+    if given:
+        return _path(given, near, config.rootpath)
+    folder = config.inipath.parent if config.inipath is not None else config.rootpath
+    return _path(str(config.getini("hil_bench") or default), folder)
+
+
+def _path(reference: str, *folders: Path | None) -> str:
+    """Return a reference that leads from the current folder to the file in one of the folders."""
+    if not reference.endswith(".toml") or Path(reference).exists():
+        return reference
+    for folder in folders:
+        if folder is not None and (folder / reference).exists():
+            return shortest(folder / reference)
+    return reference
+
+
+def shortest(path: Path) -> str:
+    """Return a path as the user would write it here."""
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)
+
+
+def bench_of_mark(item: pytest.Item) -> str:
+    """Return the bench file that a test is marked with; empty: it is not.
+
+    Raises:
+        pytest.UsageError: The mark names none, or something else.
+
+    """
+    marker = item.get_closest_marker(BENCH)
+    if marker is None:
+        return ""
+    if len(marker.args) != 1 or marker.kwargs or not isinstance(marker.args[0], str) or not marker.args[0]:
+        given = ", ".join([*map(repr, marker.args), *(f"{k}={v!r}" for k, v in marker.kwargs.items())])
+        raise pytest.UsageError(
+            f"{item.nodeid}: hil_bench({given}) is not allowed; allowed: one bench file, embedded name or "
+            'module:NAME, such as @pytest.mark.hil_bench("fast")'
+        )
+    return marker.args[0]
+
+
+def evidence_wanted(config: pytest.Config) -> Literal["all", "failed", "none"]:
+    """Return of which tests traces and bus logs are kept."""
+    chosen: Literal["all", "failed", "none"] | None = config.getoption("--hil-evidence")
+    return chosen or "failed"
+
+
+def check_options(config: pytest.Config) -> None:
+    """Refuse options that lead nowhere.
+
+    Raises:
+        pytest.UsageError: Evidence is asked for, and there is no folder for it.
+
+    """
+    if config.getoption("--hil-evidence") not in (None, "none") and not config.getoption("--hil-report"):
+        raise pytest.UsageError("--hil-evidence needs a folder for it: --hil-report DIR")
 
 
 def requirements_of(item: pytest.Item) -> list[str]:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 from typing import NamedTuple
 
+from hil._own_catalogue import load_catalogue
 from hil.faults import CATALOGUE
+from reports.coverage import family_of
 from reports.model import RequirementInfo, RunResult
 
 
@@ -22,7 +25,7 @@ class Requirement(NamedTuple):
     @property
     def prefix(self) -> str:
         """Part before the number: `STP` of `STP-303`."""
-        return self.identifier.rpartition("-")[0]
+        return family_of(self.identifier)
 
 
 @cache
@@ -37,10 +40,35 @@ def requirements() -> tuple[Requirement, ...]:
     )
 
 
-def complete(run: RunResult) -> None:
-    """Give a run the catalogues against which its report shows coverage: requirements and fault kinds."""
-    run.requirements = [
+def own_requirements(catalogue: Path) -> list[Requirement]:
+    """Return the requirements of a catalogue of the user.
+
+    Raises:
+        CannotRunError: It cannot be read.
+
+    """
+    return [
+        Requirement(entry.identifier, entry.title, entry.section, catalogue.name)
+        for entry in load_catalogue(catalogue)
+    ]
+
+
+def complete(run: RunResult, catalogue: Path | None = None) -> None:
+    """Give a run the catalogues against which its report shows coverage: requirements and fault kinds.
+
+    Args:
+        run: The run.
+        catalogue: Requirements of the user, which come first; None: none.
+
+    Raises:
+        CannotRunError: The catalogue cannot be read.
+
+    """
+    own = [] if catalogue is None else own_requirements(catalogue)
+    taken = {entry.identifier for entry in own}
+    run.requirements = [RequirementInfo(*entry, own=True) for entry in own] + [
         RequirementInfo(entry.identifier, entry.title, entry.section, entry.document)
         for entry in requirements()
+        if entry.identifier not in taken
     ]
     run.fault_catalogue = [entry.name for entry in CATALOGUE]

@@ -59,7 +59,7 @@ TaskT = TypeVar("TaskT", bound=Task)
 AnswerT = TypeVar("AnswerT")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Answer(Generic[TaskT, AnswerT]):
     """An answer of a task."""
 
@@ -67,7 +67,7 @@ class Answer(Generic[TaskT, AnswerT]):
     value: AnswerT
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Ended(Generic[TaskT]):
     """The end of a task."""
 
@@ -78,7 +78,7 @@ class Ended(Generic[TaskT]):
     """Empty when it is done."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Over:
     """Last message of a process about a task."""
 
@@ -190,7 +190,7 @@ class CopyStarter:
         return Worker(ours, process.kill, end)
 
 
-@dataclass(slots=True)
+@dataclass
 class _Running(Generic[TaskT]):
     worker: Worker
     task: TaskT

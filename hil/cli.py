@@ -1,5 +1,5 @@
-"""The command `hil`. Only what `--help` needs is imported here; every command loads its own parts when it
-runs.
+"""The command `hil`. Only what `--help` needs is imported here; every command
+loads its own parts when it runs.
 
 Exit codes: 0 everything passed, 1 cases failed, 2 it could not run (or was interrupted).
 """
@@ -15,9 +15,11 @@ from typing import Annotated
 
 import typer
 
-from hil._interrupt import interruptible
+from hil._interrupt import asked, interruptible, note
 from motion_hil import explain, hidden
 
+_COMPLETE = "_HIL_COMPLETE"
+"""Environment variable with which a shell asks for completions."""
 _CLICK_INTERRUPTED = 130
 """What the command framework makes of Ctrl-C."""
 
@@ -25,11 +27,39 @@ app = typer.Typer(
     name="hil",
     help="Hardware-in-the-loop benches for motion control: run campaigns, inject faults, replay, fuzz.",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+# -- completion in a shell
+
+
+def _fault_names(incomplete: str) -> list[str]:
+    from hil.faults import CATALOGUE
+
+    return [entry.name for entry in CATALOGUE if entry.name.startswith(incomplete)]
+
+
+def _bench_names(incomplete: str) -> list[str]:
+    from hil.bench import EMBEDDED
+
+    files = [str(path) for path in sorted(Path().glob("*.toml"))]
+    return [name for name in (*EMBEDDED, *files) if name.startswith(incomplete)]
+
+
+def _bench_words(incomplete: str) -> list[str]:
+    from hil.bench import EMBEDDED
+
+    return [name for name in ("list", "show", *EMBEDDED) if name.startswith(incomplete)]
+
+
+def _campaign_names(incomplete: str) -> list[str]:
+    from hil.campaign import SHIPPED
+
+    files = [str(path) for path in sorted(Path().glob("*.py"))]
+    return [name for name in (*(one.name for one in SHIPPED), *files) if name.startswith(incomplete)]
 
 
 # -- options of several commands
@@ -37,7 +67,11 @@ app = typer.Typer(
 BenchOption = Annotated[
     str,
     typer.Option(
-        "--bench", "-b", metavar="B", help="Bench file, embedded name or module:NAME; default: embedded."
+        "--bench",
+        "-b",
+        metavar="B",
+        help="Bench file, embedded name or module:NAME; default: embedded.",
+        autocompletion=_bench_names,
     ),
 ]
 ReportOption = Annotated[
@@ -50,6 +84,7 @@ SeedOption = Annotated[int, typer.Option("--seed", "-s", help="Seed of the run."
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Result as JSON on standard output, with nothing else on it.")
 ]
+VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="A line for each case.")]
 JobsOption = Annotated[
     str,
     typer.Option("--jobs", "-j", metavar="N", help="Worker processes; 0 or auto: one for every processor."),
@@ -72,9 +107,34 @@ SummaryOption = Annotated[
         "--summary", metavar="FILE", help="Summary in markdown; -: standard output; auto: for GitHub Actions."
     ),
 ]
+CatalogueOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--catalogue", metavar="FILE", help="Requirements of your own, CSV or ReqIF; they come first."
+    ),
+]
 
 
 # -- commands
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"motion-hil {version('motion-hil')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    *,
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and end."),
+    ] = False,
+) -> None:
+    pass
 
 
 @app.command()
@@ -87,6 +147,7 @@ def demo(
     evidence: EvidenceOption = "failed",
     history: HistoryOption = "",
     summary: SummaryOption = "",
+    verbose: VerboseOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Run the main campaign on the embedded bench and write the report."""
@@ -102,6 +163,7 @@ def demo(
         demo=True,
         history=history,
         summary=summary,
+        verbose=verbose,
     )
     raise typer.Exit(run_campaigns(request))
 
@@ -113,6 +175,7 @@ def run(
         typer.Argument(
             metavar="[CAMPAIGNS]...",
             help="Short names, files, directories or modules; none: list the shipped campaigns.",
+            autocompletion=_campaign_names,
         ),
     ] = None,
     *,
@@ -149,6 +212,8 @@ def run(
     evidence: EvidenceOption = "failed",
     history: HistoryOption = "",
     summary: SummaryOption = "",
+    catalogue: CatalogueOption = None,
+    verbose: VerboseOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Run campaigns and write the report."""
@@ -174,6 +239,8 @@ def run(
         as_json=as_json,
         history=history,
         summary=summary,
+        catalogue=catalogue,
+        verbose=verbose,
     )
     raise typer.Exit(list_cases(request) if list_only else run_campaigns(request))
 
@@ -185,14 +252,29 @@ def report(
     ],
     *,
     report: ReportOption = Path("hil-report"),
+    against: Annotated[
+        Path | None,
+        typer.Option("--against", metavar="DIR", help="Report folder of a run to compare its cases with."),
+    ] = None,
     history: HistoryOption = "",
     summary: SummaryOption = "",
+    catalogue: CatalogueOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Write one report of runs that are there already; several are merged."""
     from hil._commands.report import report_runs
 
-    raise typer.Exit(report_runs(runs, report, history=history, digest=summary, as_json=as_json))
+    raise typer.Exit(
+        report_runs(
+            runs,
+            report,
+            history=history,
+            digest=summary,
+            against=against,
+            as_json=as_json,
+            catalogue=catalogue,
+        )
+    )
 
 
 @app.command()
@@ -255,6 +337,19 @@ def emulate(
             "--link", metavar="PATH", help="Symbolic link to the device file of the adapter or line."
         ),
     ] = "",
+    host: Annotated[
+        str, typer.Option("--host", metavar="H", help="Address of drives on Modbus TCP; default: loopback.")
+    ] = "",
+    port: Annotated[
+        int,
+        typer.Option(
+            "--port",
+            metavar="N",
+            min=0,
+            max=65535,
+            help="TCP port of the first drive on Modbus TCP; the next ones follow.",
+        ),
+    ] = 0,
     seed: SeedOption = 0,
     duration: Annotated[
         float, typer.Option("--for", metavar="S", help="End after S seconds; 0: with Ctrl-C.")
@@ -266,7 +361,7 @@ def emulate(
     raise typer.Exit(
         emulate_bench(
             bench,
-            Place(interface, channel, tuple(option or ())),
+            Place(interface, channel, tuple(option or ()), host, port),
             adapter=adapter,
             link=link,
             seed=seed,
@@ -301,12 +396,38 @@ def check(
     build: Annotated[
         bool, typer.Option("--build/--no-build", help="Also bring the bench up (virtual benches).")
     ] = True,
+    ignore: Annotated[
+        list[str] | None,
+        typer.Option("--ignore", metavar="RULE", help="A rule that does not count; may be repeated."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Validate a bench file and bring the bench up."""
+    """Validate a bench file, compare its tables, and bring the bench up for a second."""
     from hil._commands.check import check_bench
 
-    raise typer.Exit(check_bench(bench, build=build, as_json=as_json))
+    raise typer.Exit(check_bench(bench, build=build, as_json=as_json, ignored=ignore or ()))
+
+
+@app.command()
+def init(
+    folder: Annotated[
+        Path, typer.Argument(metavar="[DIR]", help="Folder for bench.toml and test_bench.py.")
+    ] = Path(),
+    *,
+    axis: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--axis",
+            "-a",
+            metavar="NAME=DRIVE/BUS",
+            help="An axis: x, x=cia402, z=profidrive/modbus_tcp; may be repeated; without it you are asked.",
+        ),
+    ] = None,
+) -> None:
+    """Write a bench file and a test of your own that pass at once; nothing is overwritten."""
+    from hil._commands.init import init_bench
+
+    raise typer.Exit(init_bench(folder, axis or ()))
 
 
 @app.command()
@@ -572,6 +693,7 @@ def requirements(
         typer.Option("--prefix", "-p", help="Only this family, STP of STP-303; may be repeated."),
     ] = None,
     missing: Annotated[bool, typer.Option("--missing", help="Also list what is not covered.")] = False,
+    catalogue: CatalogueOption = None,
     as_json: JsonOption = False,
     rerun: Annotated[
         bool, typer.Option("--rerun", help="Run the test-suite first, whatever is recorded.")
@@ -581,16 +703,69 @@ def requirements(
     from hil._commands.requirements import show_requirements
 
     raise typer.Exit(
-        show_requirements(folder, prefixes=prefix or [], missing=missing, as_json=as_json, rerun=rerun)
+        show_requirements(
+            folder, prefixes=prefix or [], missing=missing, as_json=as_json, rerun=rerun, catalogue=catalogue
+        )
     )
 
 
 @app.command()
-def faults(as_json: JsonOption = False) -> None:
-    """Show the catalogue of faults."""
+def faults(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="[NAME]",
+            help="Only this kind: frame.drop, a family such as frame, or a pattern with *.",
+            autocompletion=_fault_names,
+        ),
+    ] = "",
+    *,
+    as_json: JsonOption = False,
+) -> None:
+    """Show the catalogue of faults, or one kind of them."""
     from hil._commands.faults import show_faults
 
-    raise typer.Exit(show_faults(as_json=as_json))
+    raise typer.Exit(show_faults(name, as_json=as_json))
+
+
+@app.command()
+def variables(
+    pattern: Annotated[
+        str,
+        typer.Argument(
+            metavar="[PATTERN]", help="Part of a path, or a path with * as in file names; default: all."
+        ),
+    ] = "",
+    *,
+    object_type: Annotated[
+        str,
+        typer.Option(
+            "--object", metavar="TYPE", help="PositioningAxis, SynchronousAxis, SpeedAxis or ExternalEncoder."
+        ),
+    ] = "PositioningAxis",
+    as_json: JsonOption = False,
+) -> None:
+    """Show the variables of axes and external encoders: type, access, unit, range, default, meaning."""
+    from hil._commands.variables import show_variables
+
+    raise typer.Exit(show_variables(pattern, object_type=object_type, as_json=as_json))
+
+
+@app.command()
+def benches(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[list | show NAME]", help="What to do; default: list.", autocompletion=_bench_words
+        ),
+    ] = None,
+    *,
+    as_json: JsonOption = False,
+) -> None:
+    """List the benches that ship with the product, or print the file of one."""
+    from hil._commands.benches import show_benches
+
+    raise typer.Exit(show_benches(words or [], as_json=as_json))
 
 
 @app.command()
@@ -605,6 +780,65 @@ def personalities(
     from hil._commands.personalities import show_personalities
 
     raise typer.Exit(show_personalities(files or [], as_json=as_json))
+
+
+@app.command(context_settings={"allow_interspersed_args": False})
+def vcan(
+    command: Annotated[list[str], typer.Argument(metavar="COMMAND", help="What to run.")],
+    *,
+    interface: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--interface",
+            "-i",
+            metavar="NAME",
+            envvar="HIL_VCAN",
+            help="Name of an interface, else vcan0; may be repeated.",
+        ),
+    ] = None,
+    count: Annotated[
+        int,
+        typer.Option(
+            "--count", "-n", min=0, help="Number of interfaces; those without a name are numbered on."
+        ),
+    ] = 0,
+    where: Annotated[
+        str,
+        typer.Option(
+            "--where",
+            envvar="HIL_VCAN_WHERE",
+            help="host: only on this machine; uml: only in user-mode Linux; auto: what is possible.",
+        ),
+    ] = "auto",
+    timeout: Annotated[
+        float,
+        typer.Option("--timeout", metavar="S", min=0.0, help="Longest time of the command; 0: no limit."),
+    ] = 0.0,
+    memory: Annotated[
+        int, typer.Option("--memory", metavar="MIB", min=64, help="Memory of user-mode Linux.")
+    ] = 1024,
+) -> None:
+    """Run any command where a SocketCAN interface exists, without rights: `hil vcan -- candump vcan0`.
+
+    The interface of this machine is taken if it is there, or created with `ip link` if that is allowed; else
+    user-mode Linux boots on the files of this machine and runs the command. The command finds the names in
+    HIL_VCAN, HIL_VCAN_2, ...; python-can takes the first one where a program names no bus.
+
+    Exit code: that of the command; 69: no way to an interface (the message says what to install); 70:
+    user-mode Linux broke off; 124: the time was up.
+    """
+    from hil._commands.vcan import run_with_interfaces
+
+    raise typer.Exit(
+        run_with_interfaces(
+            command,
+            names=interface or [],
+            count=count,
+            where=where,
+            timeout_s=timeout,
+            memory_mib=memory,
+        )
+    )
 
 
 @app.command()
@@ -643,17 +877,23 @@ def _run(arguments: list[str] | None) -> int:
         # Not standalone: click would end with 1 on Ctrl-C, which here means that cases failed.
         with interruptible(last=arguments is None):
             outcome = command.main(args=arguments, prog_name="hil", standalone_mode=False)
-    except SystemExit:
+    except SystemExit as end:
+        if _COMPLETE in os.environ:  # the shell has asked for completions, and has them
+            return int(end.code or 0)
         # click ends so, with a code that here means that cases failed, when nobody reads on: `hil faults |
         # head -1`
         return 2
     except KeyboardInterrupt:
+        note()
         outcome = _CLICK_INTERRUPTED
     except Exception as error:  # noqa: BLE001 - sorted out below, unknown ones are raised again
         if type(error).__name__ != "Abort":
             return _failure(error)
+        note()
         outcome = _CLICK_INTERRUPTED
-    if outcome == _CLICK_INTERRUPTED:
+    if (
+        outcome == _CLICK_INTERRUPTED and asked()
+    ):  # it may also be the exit code of a command that `hil vcan` ran
         with suppress(OSError):  # the terminal may be what has ended
             print("interrupted", file=sys.stderr)
         return 2
@@ -676,6 +916,9 @@ def _failure(error: Exception) -> int:
             return 2
         if not isinstance(error, (ReportError, OSError)):
             raise error
+        if isinstance(error, OSError) and error.filename is not None:
+            print(f"hil: {error.filename}: {error.strerror}", file=sys.stderr)
+            return 2
     print(f"hil: {error}", file=sys.stderr)
     return 2
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from fieldbus.errors import ConfigurationError, HilError, UnsupportedFaultError
 
 __all__ = [
+    "AxisNotNamedError",
     "BlockedError",
     "CampaignNotFoundError",
     "CannotRunError",
@@ -17,11 +20,32 @@ __all__ = [
     "RecordingError",
     "TokenError",
     "UnsupportedFaultError",
+    "name_the_axis",
 ]
 
 
 class CannotRunError(HilError):
     """The command cannot be carried out (exit code 2)."""
+
+
+class AxisNotNamedError(ConfigurationError):
+    """Something is about an axis, does not say which one, and there are several.
+
+    Args:
+        where: What lacks the name.
+        names: Names of the axes.
+
+    """
+
+    def __init__(self, where: str, names: Sequence[str]) -> None:
+        wanted = name_the_axis(names)
+        super().__init__(where, None, wanted)
+        self.args = (f"{where}: {wanted}",)
+
+
+def name_the_axis(names: Sequence[str]) -> str:
+    """Return what to do where there are several axes: `name the axis: x, y or z`."""
+    return f"name the axis: {', '.join(names[:-1])} or {names[-1]}"
 
 
 class CampaignNotFoundError(CannotRunError):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar, runtime_checkable
 
 from fieldbus.clock import Scheduler
 from fieldbus.history import History
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
     from hil.record import Recorder, Trace
+
+BuiltBench_co = TypeVar("BuiltBench_co", covariant=True)
 
 
 class Drive(Protocol):
@@ -42,8 +44,8 @@ class Drive(Protocol):
         """Withdraw the cause of a persistent fault, or of all of them."""
 
     def force_input(self, name: str, state: bool | None, /) -> None:
-        """Override the input `negative_limit`, `positive_limit`, `home`, `probe1` or `probe2`; None ends the
-        override.
+        """Override the input `negative_limit`, `positive_limit`, `home`, `probe1` or
+        `probe2`; None ends the override.
         """
 
     def invert_input(self, name: str, inverted: bool, /) -> None:
@@ -183,8 +185,19 @@ class Bench(Protocol):
 
 
 @runtime_checkable
-class BenchFile(Protocol):
-    """A validated bench description that builds fresh benches."""
+class DescribedBench(Protocol):
+    """A bench that says in words how it stands."""
+
+    def summary(self) -> str:
+        """Return the axes with their states and pending alarms."""
+
+    def unmet_wait(self) -> str:
+        """Return why the last `run_until` gave up; empty when it did not, or time has passed since."""
+
+
+@runtime_checkable
+class BenchFile(Protocol[BuiltBench_co]):
+    """A validated bench description that builds fresh benches, of a type that satisfies `Bench`."""
 
     @property
     def name(self) -> str:
@@ -192,11 +205,11 @@ class BenchFile(Protocol):
 
     @property
     def text(self) -> str:
-        """The description as it stands in the file."""
+        """The description as it is in the file."""
 
     @property
     def digest(self) -> str:
         """SHA-256 of the description, hexadecimal."""
 
-    def build(self, *, seed: int) -> Any:
+    def build(self, *, seed: int) -> BuiltBench_co:
         """Return a fresh bench."""

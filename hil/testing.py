@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final, Protocol
+from weakref import WeakSet
 
+from fieldbus.errors import ConfigurationError, UnknownAttributeError
 from hil.errors import ExpectationFailedError
 from hil.expect import Expectation, describe, evaluate, run_checkers
 from hil.protocols import Bench, BenchFile
@@ -17,10 +20,38 @@ if TYPE_CHECKING:
     from hil.bench.bench import Bench as ConcreteBench
     from hil.record import EventSelector, Signal, TraceFrame, TraceGroup
 
-__all__ = ["CurrentTrace", "assert_repeatable", "assert_trace", "homing_drawings"]
+__all__ = ["CurrentTrace", "NewBench", "assert_repeatable", "assert_trace", "homing_drawings"]
+
+
+class NewBench(Protocol):
+    """What the fixture `new_bench` is: a factory of benches."""
+
+    def __call__(
+        self,
+        bench: str | Path = "",
+        /,
+        *,
+        seed: int | None = None,
+        tables: Mapping[str, Any] | None = None,
+    ) -> ConcreteBench:
+        """Return a fresh bench, which is closed at the end of the test, or of the example of Hypothesis.
+
+        In a fixture of your own close it yourself: `with new_bench() as bench: yield bench`.
+
+        Args:
+            bench: Bench file, embedded name or `module:NAME`; empty: as of the fixture `bench`.
+            seed: Seed of its random streams; None: that of the test.
+            tables: Changes to the bench file: `{"axis": {"x": {"variables": {...}}}}`.
+
+        Raises:
+            ConfigurationError: There is no such bench file, or its content is not usable.
+            BlockedError: A drive did not come up, or a bus cannot be opened.
+
+        """
 
 
 def _assert_all(checks: list[Check]) -> None:
+    __tracebackhide__ = True
     failed = [describe(check) for check in checks if check.verdict is not Verdict.PASSED]
     if failed:
         raise ExpectationFailedError("\n".join(failed))
@@ -36,9 +67,21 @@ def assert_trace(trace: Trace, *expectations: Expectation) -> list[Check]:
         ExpectationFailedError: One does not hold; the message says expected, observed and when.
 
     """
+    __tracebackhide__ = True
     checks = evaluate(trace, expectations)
     _assert_all(checks)
     return checks
+
+
+_INSTEAD: Final = {
+    "expect": "trace.check(alarm(421))",
+    "signal": 'trace["x.actual_position"]',
+    "signals": "trace.names()",
+    "event": 'trace.select(source="x", kind="alarm.raised")',
+}
+"""What is meant by names that a trace does not have."""
+_LIVING: Final[WeakSet[CurrentTrace]] = WeakSet()
+_NUMBERS: Final = count(1)
 
 
 class CurrentTrace:
@@ -57,6 +100,14 @@ class CurrentTrace:
         self._stamp = (-1, -1)
         self.checks: list[Check] = []
         """Outcome of everything that was checked, for the report."""
+        self.number = next(_NUMBERS)
+        """1, 2, ... in the order of making, over all benches."""
+        _LIVING.add(self)
+
+    @staticmethod
+    def all_of(bench: Bench) -> list[CurrentTrace]:
+        """Return those of a bench that are still in use, in the order in which they were made."""
+        return sorted((one for one in _LIVING if one._bench is bench), key=lambda one: one.number)  # noqa: SLF001 - its own
 
     def __call__(self) -> Trace:
         """Return a snapshot; the same one as long as nothing happens."""
@@ -73,6 +124,15 @@ class CurrentTrace:
 
     def __iter__(self) -> Iterator[Signal]:
         return iter(self())
+
+    def __repr__(self) -> str:
+        return f"<CurrentTrace up to {self._bench.scheduler.now * 1e-9:.3f} s>"
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> object:
+            """Name methods that are similar to one that does not exist."""
+            raise UnknownAttributeError(self, name, what="the trace", instead=_INSTEAD.get(name, ""))
 
     def names(self) -> list[str]:
         """Return the names of all signals."""
@@ -108,8 +168,8 @@ class CurrentTrace:
 
     @property
     def constants(self) -> dict[str, float]:
-        """Facts of the bench that a judge of the trace needs, by `component.fact`:
-        `axis1.max_deceleration`.
+        """Facts of the bench that a judge of the trace needs,
+        by `component.fact`: `axis1.max_deceleration`.
         """
         return self().constants
 
@@ -131,24 +191,33 @@ class CurrentTrace:
         return self().save(path)
 
     def check(self, *expectations: Expectation) -> None:
-        """Evaluate expectations on what is recorded so far; raises `ExpectationFailedError` when one does not
-        hold.
+        """Evaluate expectations on what is recorded so far.
+
+        Raises:
+            ExpectationFailedError: One does not hold; the message says expected, observed and when.
+            ConfigurationError: There is none, or one of them is no expectation.
+
         """
+        __tracebackhide__ = True
+        if not expectations:
+            allowed = "expectations of hil.expect, such as alarm(421)"
+            raise ConfigurationError("trace.check", expectations, allowed, problem="checks nothing")
         outcomes = evaluate(self(), expectations)
         self.checks.extend(outcomes)
         _assert_all(outcomes)
 
     def check_rules(self, *, without: tuple[str, ...] = ()) -> None:
-        """Apply the rules that hold in every run; `without` names requirements that do not apply to this
-        test.
+        """Apply the rules that hold in every run; `without` names requirements
+        that do not apply to this test.
         """
+        __tracebackhide__ = True
         outcomes = [check for check in run_checkers(self()) if not set(without) & set(check.requirements)]
         self.checks.extend(outcomes)
         _assert_all(outcomes)
 
 
 def assert_repeatable(
-    bench_file: BenchFile, script: Callable[[ConcreteBench], object], *, seed: int = 0
+    bench_file: BenchFile[ConcreteBench], script: Callable[[ConcreteBench], object], *, seed: int = 0
 ) -> str:
     """Run `script(bench)` on two fresh benches and compare the traces.
 

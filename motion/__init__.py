@@ -8,9 +8,8 @@
 | `motion.drives` | ports to drives and encoders on every bus |
 
 A dialect such as `motion.s7` imports the kernel, never another dialect. The names here are those that a
-program needs to
-run axes without a bench; they are loaded when they are first used. `docs/controller.md` has the parts and
-the way of a setpoint.
+program needs to run axes without a bench; they are loaded when they are first used.
+`docs/explanation/controller.md` has the parts and the way of a setpoint.
 """
 
 from __future__ import annotations

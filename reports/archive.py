@@ -28,8 +28,8 @@ _PLACES = {b"\x93NUMPY\x01": (2, 10), b"\x93NUMPY\x02": (4, 12), b"\x93NUMPY\x03
 
 
 class StoredSignals(Sequence[Signal]):
-    """The signals of a case on the disk, read when they are asked for; only those asked for last stay in
-    memory.
+    """The signals of a case on the disk, read when they are asked for; only those
+    asked for last stay in memory.
 
     Args:
         folder: Folder of the run.
@@ -110,8 +110,8 @@ def write_signals(folder: Path, case: CaseResult) -> dict[str, Any] | None:
 
 
 class _Samples:
-    """Columns one after the other, in one array for each kind of number: reading one member is quicker than
-    thirty.
+    """Columns one after the other, in one array for each kind of number: reading one
+    member is quicker than thirty.
     """
 
     def __init__(self) -> None:
@@ -170,8 +170,8 @@ def _column(arrays: dict[str, NDArray[Any]], place: Any) -> NDArray[Any]:
 
 
 def _array(content: bytes) -> NDArray[Any]:
-    """Return the array of a member: as `numpy.load` does, which would parse the same few headers thousands of
-    times.
+    """Return the array of a member: as `numpy.load` does, which would parse the same
+    few headers thousands of times.
     """
     size, start = _PLACES.get(content[:7], (0, 0))
     length = int.from_bytes(content[8 : 8 + size], "little")

@@ -9,10 +9,11 @@ from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
-from typing import Any, Final
+from typing import Final
 
 from reports.history import History, HistoryError, PastCase, PastRun
-from reports.model import RunResult, Verdict
+from reports.json_types import JsonObject
+from reports.model import Earlier, RunResult, Verdict
 
 TREND: Final = 50
 """Runs in the trend."""
@@ -25,7 +26,7 @@ _ENOUGH: Final = 5
 """Cases in common from which on a run as a whole can be called slower."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Slower:
     """A case that takes more wall-clock time."""
 
@@ -35,7 +36,7 @@ class Slower:
     now_s: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Drift:
     """A number of a case that differs by more than its tolerance."""
 
@@ -46,7 +47,7 @@ class Drift:
     now: float
 
 
-@dataclass(slots=True)
+@dataclass
 class Comparison:
     """A run compared with what was before. Cases are named by identifier, in the order of their names."""
 
@@ -56,6 +57,8 @@ class Comparison:
     new_failures: list[str] = field(default_factory=list)
     """Failed or broke, and did not before; cases never seen before count."""
     fixed: list[str] = field(default_factory=list)
+    edited: list[str] = field(default_factory=list)
+    """Passed, and failed or broke before, but from another source: nobody knows which change helped."""
     still_failing: list[str] = field(default_factory=list)
     newly_blocked: list[str] = field(default_factory=list)
     """Blocked, and passed or failed before."""
@@ -82,12 +85,13 @@ class Comparison:
         return {
             "new failure": self.new_failures,
             "fixed": self.fixed,
+            "edited": self.edited,
             "still failing": self.still_failing,
             "newly blocked": self.newly_blocked,
             "flaky": self.flaky,
         }
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> JsonObject:
         """Return the comparison as plain data, as `hil history compare --json` prints it."""
         return {
             "run": self.now.number,
@@ -110,13 +114,15 @@ class Comparison:
         return found
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Background:
     """What a report tells of earlier runs."""
 
     trend: list[PastRun]
     """The last runs with this one, oldest first."""
     comparison: Comparison
+    passes: Mapping[str, Earlier] = field(default_factory=dict)
+    """An earlier run of a case by its identifier: the page can lay its curves under those of now."""
 
 
 def compare_runs(history: History, now: PastRun, base: PastRun | None = None) -> Comparison:
@@ -137,7 +143,8 @@ def compare_runs(history: History, now: PastRun, base: PastRun | None = None) ->
     result = Comparison(now, base)
     for name, case in cases.items():
         _judge(result, case, old.get(name))
-        if _turns([case, *_alike(past.get(name, []), now, runs)]) >= _FLAKY_TURNS:
+        same = [one for one in _alike(past.get(name, []), now, runs) if not _edited(case, one)]
+        if _turns([case, *same]) >= _FLAKY_TURNS:
             result.flaky.append(name)
     if base is not None:
         result.vanished = [name for name in old if name not in cases]
@@ -190,9 +197,14 @@ def _judge(result: Comparison, case: PastCase, before: PastCase | None) -> None:
         result.reasons[name] = case.headline
         result.tokens[name] = case.token
     elif before is not None and before.bad and case.verdict is Verdict.PASSED:
-        result.fixed.append(name)
+        (result.edited if _edited(case, before) else result.fixed).append(name)
     elif case.verdict is Verdict.BLOCKED and before is not None and before.verdict is not Verdict.BLOCKED:
         result.newly_blocked.append(name)
+
+
+def _edited(case: PastCase, before: PastCase) -> bool:
+    """Whether the two results are of another source, as far as it is known."""
+    return bool(case.source and before.source) and case.source != before.source
 
 
 def _same_machine(one: PastRun, other: PastRun) -> bool:

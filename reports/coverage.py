@@ -18,11 +18,14 @@ NO_ALARM: Final = "no alarm"
 NOT_INJECTED: Final = "not injected"
 UNKNOWN_STATE: Final = "unknown"
 NO_FAULT: Final = "no fault"
-NO_STOP: Final = "not told to stop"
+NO_STOP: Final = "no stop command"
 _STOPPED: Final = re.compile(
     r"MC_Power Enable = FALSE(, StopMode (?P<power>\d+))?|MC_Stop( Mode (?P<stop>\d+))?\b|MC_Halt\b"
 )
 """The instructions that end a motion, as stories tell them."""
+
+_AXIS_STATE: Final = re.compile(r"(?P<axis>\S+): [A-Z_]+ -> (?P<state>[A-Z_]+)")
+"""A change of state of an axis, as stories tell it; drives write their states in lower case."""
 
 _GRAVITY: Final = (Verdict.FAILED, Verdict.ERROR, Verdict.BLOCKED, Verdict.PASSED)
 
@@ -32,7 +35,7 @@ def worst(verdicts: list[Verdict]) -> Verdict | None:
     return next((verdict for verdict in _GRAVITY if verdict in verdicts), None)
 
 
-@dataclass(slots=True)
+@dataclass
 class Cell:
     """One combination of a coverage matrix."""
 
@@ -59,7 +62,7 @@ class Cell:
         return worst(self.verdicts)
 
 
-@dataclass(slots=True)
+@dataclass
 class Matrix:
     """A coverage matrix; a missing cell was never tried."""
 
@@ -114,7 +117,7 @@ def stop_modes(case: CaseResult) -> list[str]:
     """Return how the axes were stopped, from the instructions in the story of a case, each once.
 
     Returns:
-        `MC_Power StopMode 2`, `MC_Stop Mode 3`, `MC_Halt` and the like; `NO_STOP` alone where nobody told
+        `MC_Power StopMode 2`, `MC_Stop Mode 3`, `MC_Halt` and the like; `NO_STOP` alone where nobody stopped
         them.
 
     """
@@ -132,6 +135,24 @@ def stop_modes(case: CaseResult) -> list[str]:
                 else match[0].split()[0]
             )
     return list(found) or [NO_STOP]
+
+
+def stop_reactions(case: CaseResult) -> list[str]:
+    """Return what the axes did when they were commanded to stop: the states that they went through until the
+    next instruction, `disabling ramp, disabled`, each chain once.
+    """
+    found: dict[str, None] = {}
+    chains: dict[str, list[str]] | None = None
+    for step in case.story:
+        if step.kind == "do":
+            if chains:
+                found |= dict.fromkeys(", ".join(states) for states in chains.values())
+            chains = {} if _STOPPED.search(step.text) else None
+        elif chains is not None and (match := _AXIS_STATE.fullmatch(step.text)):
+            chains.setdefault(match["axis"], []).append(match["state"].lower().replace("_", " "))
+    if chains:
+        found |= dict.fromkeys(", ".join(states) for states in chains.values())
+    return list(found)
 
 
 def fault_kinds(run: RunResult) -> list[str]:
@@ -212,7 +233,7 @@ def with_stop(run: RunResult, mode: str) -> RunResult:
     return replace(run, cases=[case for case in run.cases if mode in stop_modes(case)])
 
 
-@dataclass(slots=True)
+@dataclass
 class RequirementRow:
     """A requirement and what the run says about it."""
 
@@ -224,14 +245,16 @@ class RequirementRow:
     """False for an identifier that a case names but the catalogue does not hold."""
     cases: list[tuple[str, Verdict]]
     """Case and its verdict for this requirement, in case order."""
+    own: bool = False
+    """It comes from a catalogue of the user."""
 
     @property
     def verdict(self) -> Verdict | None:
-        """The worst verdict; None when no case claims the requirement."""
+        """The worst verdict; None when no case has the requirement."""
         return worst([verdict for _case, verdict in self.cases])
 
 
-@dataclass(slots=True)
+@dataclass
 class PrefixTotal:
     """Totals of the requirements of one family, for example `STP`."""
 
@@ -244,6 +267,18 @@ class PrefixTotal:
     untested: int = 0
     orphaned: int = 0
     """Named by a case, not in the catalogue; counted under its verdict as well."""
+    own: bool = False
+    """The family comes from a catalogue of the user."""
+
+    @property
+    def touched(self) -> bool:
+        """Whether a case names one of them, or the user does."""
+        return self.own or bool(self.passed or self.failed or self.blocked)
+
+
+def family_of(identifier: str) -> str:
+    """Return the family of an identifier: what stands before its number, `STP` of `STP-303`, `R` of `R12`."""
+    return identifier.rpartition("-")[0] or identifier.rstrip("0123456789").rstrip("._ ") or identifier
 
 
 def requirement_matrix(run: RunResult) -> list[RequirementRow]:
@@ -263,7 +298,13 @@ def requirement_matrix(run: RunResult) -> list[RequirementRow]:
             found.setdefault(identifier, []).append((case.identifier, verdict))
     rows = [
         RequirementRow(
-            info.identifier, info.title, info.section, info.document, True, found.pop(info.identifier, [])
+            info.identifier,
+            info.title,
+            info.section,
+            info.document,
+            True,
+            found.pop(info.identifier, []),
+            info.own,
         )
         for info in {info.identifier: info for info in run.requirements}.values()
     ]
@@ -272,11 +313,11 @@ def requirement_matrix(run: RunResult) -> list[RequirementRow]:
 
 
 def prefix_totals(rows: list[RequirementRow]) -> list[PrefixTotal]:
-    """Return totals per prefix (the part before the last hyphen), sorted by prefix."""
-    totals: dict[str, PrefixTotal] = {}
+    """Return totals per family, sorted by their names; those of the user first."""
+    totals: dict[tuple[bool, str], PrefixTotal] = {}
     for row in rows:
-        prefix = row.identifier.rpartition("-")[0] or row.identifier
-        total = totals.setdefault(prefix, PrefixTotal(prefix))
+        prefix = family_of(row.identifier)
+        total = totals.setdefault((row.own, prefix), PrefixTotal(prefix, own=row.own))
         total.known += row.known
         total.orphaned += not row.known
         match row.verdict:
@@ -288,4 +329,4 @@ def prefix_totals(rows: list[RequirementRow]) -> list[PrefixTotal]:
                 total.blocked += 1
             case Verdict.FAILED | Verdict.ERROR:
                 total.failed += 1
-    return [totals[prefix] for prefix in sorted(totals)]
+    return sorted(totals.values(), key=lambda total: (not total.own, total.prefix))

@@ -25,7 +25,7 @@ from reports.text import headline, run_state
 
 HISTORY_FILE: Final = "history.sqlite"
 """Name of the history in a report folder."""
-_FORMAT: Final = 1
+_FORMAT: Final = 2
 _APPLICATION: Final = 0x48494C31
 _WAIT_S: Final = 30.0
 _SCHEMA: Final = """
@@ -38,6 +38,7 @@ CREATE TABLE name (number INTEGER PRIMARY KEY, text TEXT NOT NULL UNIQUE);
 CREATE TABLE result (
   run INTEGER NOT NULL REFERENCES run ON DELETE CASCADE, name INTEGER NOT NULL REFERENCES name, verdict TEXT NOT NULL,
   headline TEXT NOT NULL, token TEXT NOT NULL, simulated_s REAL NOT NULL, wall_s REAL NOT NULL, trace_digest TEXT NOT NULL,
+  source TEXT NOT NULL DEFAULT '',
   PRIMARY KEY (run, name)) WITHOUT ROWID;
 CREATE INDEX result_of_case ON result (name, run);
 CREATE TABLE measure (
@@ -47,7 +48,7 @@ CREATE TABLE measure (
 """  # noqa: E501
 
 _RESULTS: Final = (
-    "SELECT run, text, verdict, headline, token, simulated_s, wall_s, trace_digest FROM result"
+    "SELECT run, text, verdict, headline, token, simulated_s, wall_s, trace_digest, source FROM result"
     " JOIN name ON name.number = result.name"
 )
 
@@ -56,7 +57,7 @@ class HistoryError(ReportError):
     """A history cannot be read or written; the message names the file."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PastRun:
     """A recorded run."""
 
@@ -85,7 +86,7 @@ class PastRun:
         return self.passed + self.failed + self.blocked + self.errors
 
 
-@dataclass(slots=True)
+@dataclass
 class PastCase:
     """A case of a recorded run."""
 
@@ -97,6 +98,8 @@ class PastCase:
     simulated_s: float
     wall_s: float
     trace_digest: str
+    source: str = ""
+    """Digest of its source; empty where it is not known."""
     measures: dict[str, Measure] = field(default_factory=dict)
     """By name; filled by `History.cases` alone."""
 
@@ -151,6 +154,9 @@ class History:
                         base.execute(statement)
                 base.execute(f"PRAGMA application_id = {_APPLICATION}")
                 base.execute(f"PRAGMA user_version = {_FORMAT}")
+            elif found == (_APPLICATION, 1):
+                base.execute("ALTER TABLE result ADD COLUMN source TEXT NOT NULL DEFAULT ''")
+                base.execute(f"PRAGMA user_version = {_FORMAT}")
             elif found != (_APPLICATION, _FORMAT):
                 raise HistoryError(
                     f"{self.path}: not a history of format {_FORMAT}; name another file, or take this "
@@ -172,7 +178,7 @@ class History:
     def record(self, run: RunResult) -> int:
         """Add a run and return its number.
 
-        A run that goes on with an interrupted one takes its place: same start, seed and bench.
+        A run that continues with an interrupted one takes its place: same start, seed and bench.
 
         Raises:
             HistoryError: The file cannot be written.
@@ -232,7 +238,7 @@ class History:
         for case in run.cases:
             name = names[_text(case.identifier)]
             base.execute(
-                "INSERT OR REPLACE INTO result VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                "INSERT OR REPLACE INTO result VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 (
                     number,
                     name,
@@ -242,6 +248,7 @@ class History:
                     _finite(case.simulated_s),
                     _finite(case.wall_s),
                     _text(case.trace_digest),
+                    _text(case.source),
                 ),
             )
             base.executemany(
@@ -264,8 +271,8 @@ class History:
         return [PastRun(*row) for row in rows]
 
     def number_of(self, run: RunResult) -> int | None:
-        """Return the number under which a run was recorded; None if it was not, or has no start to know it
-        by.
+        """Return the number under which a run was recorded; None if it was not,
+        or has no start to know it by.
         """
         if not run.started:
             return None

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 
-@dataclass(slots=True)
+@dataclass
 class HomingStep:
     """One step of a homing: a moment (`begin_s` = `end_s`), or a travel between two moments."""
 
@@ -30,7 +30,7 @@ class HomingStep:
     travel: bool = False
 
 
-@dataclass(slots=True)
+@dataclass
 class SwitchEdge:
     """A switch changes while the axis moves over its end."""
 
@@ -40,7 +40,7 @@ class SwitchEdge:
     direction: int
 
 
-@dataclass(slots=True)
+@dataclass
 class SwitchLane:
     """What was seen of a switch, or of the zero marks, along the travel."""
 
@@ -51,7 +51,7 @@ class SwitchLane:
     edges: list[SwitchEdge] = field(default_factory=list)
 
 
-@dataclass(slots=True)
+@dataclass
 class HomingDrawing:
     """One active or passive homing."""
 
@@ -84,8 +84,8 @@ class HomingDrawing:
     """Time in s, position, velocity: the motion, thinned."""
 
     def summary(self, digits: int = 1) -> dict[str, Any]:
-        """Return what can be compared with a stored golden one: no names, no times, positions and velocities
-        rounded.
+        """Return what can be compared with a stored golden one: no names, no times,
+        positions and velocities rounded.
 
         Args:
             digits: Decimal places of positions; velocities are whole numbers.

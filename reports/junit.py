@@ -24,8 +24,8 @@ _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def xml_text(text: str) -> str:
-    """Return text that XML can hold: illegal characters become their escape (x07 after a backslash for a
-    bell).
+    """Return text that XML can hold: illegal characters become their escape (x07
+    after a backslash for a bell).
     """
     return _ILLEGAL.sub(lambda match: ascii(match.group())[1:-1], text)
 
@@ -106,15 +106,18 @@ def _testcase(group: str, case: CaseResult) -> ET.Element:
 
 
 def _explanation(case: CaseResult) -> str:
-    lines = [case.message] if case.message else []
-    for check in case.checks:
-        if check.verdict is not Verdict.PASSED:
-            when = "" if check.time_s is None else f" (at {check.time_s:.6f} s)"
-            lines += [
-                f"{check.verdict.value}: {check_sentence(check)}{when}",
-                f"  expected: {expected_text(check)}",
-                f"  observed: {observed_text(check)}",
-            ]
+    bad = [check for check in case.checks if check.verdict is not Verdict.PASSED]
+    # The message of a case with checks is their sentences once more, unless it continues over several lines.
+    lines = [case.message] if case.message and (not bad or "\n" in case.message) else []
+    for check in sorted(bad, key=lambda check: check.rule):
+        when = "" if check.time_s is None else f" (at {check.time_s:.6f} s)"
+        lines += [
+            f"{check.verdict.value}: {check_sentence(check)}{when}",
+            f"  expected: {expected_text(check)}",
+            f"  observed: {observed_text(check)}",
+        ]
+    if case.traceback:
+        lines.append(case.traceback)
     if case.token:
         lines.append(f"repeat with: {replay_command(case.token)}")
     return "\n".join(lines)

@@ -1,5 +1,5 @@
-"""The run on one page of GitHub-flavoured markdown, for the summary of a CI job or a comment under a
-change.
+"""The run on one page of GitHub-flavoured markdown, for the summary of a CI
+job or a comment under a change.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Runs that belong together, brought into one: the shards of a campaign, or what several machines have
-run.
+"""Runs that belong together, brought into one: the shards of a campaign, or
+what several machines have run.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from reports.store import load_run, save_run
 
 
 def merge_runs(sources: Sequence[str | Path], directory: str | Path) -> RunResult:
-    """Bring the runs in `sources` into one in `directory`, with its evidence; nothing is taken from the
-    sources.
+    """Bring the runs in `sources` into one in `directory`, with its evidence;
+    nothing is taken from the sources.
 
-    The cases come into the order in which they were planned. A case in several runs counts as in the last of
-    them.
+    The cases come into the order in which they were planned. A case in several runs
+    counts as in the last of them.
 
     Args:
         sources: Folders of runs.

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ class Verdict(StrEnum):
     """The harness itself failed."""
 
 
-@dataclass(slots=True)
+@dataclass
 class Step:
     """One line of the story of a case."""
 
@@ -41,7 +42,7 @@ class Step:
     detail: dict[str, Scalar] = field(default_factory=dict)
 
 
-@dataclass(slots=True)
+@dataclass
 class Check:
     """One expectation, evaluated on the recorded trace."""
 
@@ -60,12 +61,18 @@ class Check:
     """Name of the signal that `value`, `low` and `high` are levels of; the plot draws the limits over it."""
     since_s: float | None = None
     """Start of the judged interval, for example the injection from which a reaction time counts."""
+    sentence: str = ""
+    """What came of it, in one sentence with the allowed value: `Alarm 421 came 4 ms after the fault (allowed:
+    12 ms)`. Empty: the reports make one of `expected` and `observed` (`reports.text.check_sentence`).
+    """
+    rule: bool = False
+    """It is a rule that holds in every run, not an expectation of this case."""
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(eq=False)
 class Signal:
-    """One recorded column. Equal to another when name, unit, texts and every sample (NaN included) are
-    equal.
+    """One recorded column. Equal to another when name, unit, texts and every
+    sample (NaN included) are equal.
     """
 
     name: str
@@ -102,9 +109,11 @@ class Message:
     """Meaning, for example `RPDO1 drive1: Controlword 000Fh, Target velocity 1 800 000`."""
     error: str = ""
     """Empty, or what went wrong with the frame (dropped by fault, CRC error, no acknowledge)."""
+    protocol: str = "can"
+    """`can`, `modbus_tcp` or `modbus_rtu`; over Modbus `identifier` is the unit."""
 
 
-@dataclass(slots=True)
+@dataclass
 class AlarmRecord:
     """A technology alarm."""
 
@@ -118,7 +127,7 @@ class AlarmRecord:
     """When its cause went; None where it lasted, or was an event."""
 
 
-@dataclass(slots=True)
+@dataclass
 class FaultRecord:
     """A fault as it was injected."""
 
@@ -133,7 +142,7 @@ class FaultRecord:
     """State of the axis at application: for the coverage matrix."""
 
 
-@dataclass(slots=True)
+@dataclass
 class CaseResult:
     """Everything known of one executed case."""
 
@@ -162,9 +171,22 @@ class CaseResult:
     """Active and passive homings, each as a drawing."""
     files: dict[str, str] = field(default_factory=dict)
     """Evidence files: bus logs and the like; name to path relative to the report."""
+    source: str = ""
+    """Digest of the source of the case: one that was edited is neither fixed nor flaky; may be empty."""
+    traceback: str = ""
+    """Where in the code of the test it failed, as the test runner shows it; may be empty."""
 
 
-@dataclass(slots=True)
+class Earlier(NamedTuple):
+    """An earlier run of a case, whose curves the page can lay under those of now."""
+
+    label: str
+    """What the page calls it."""
+    curves: str
+    """Packed by `reports.html.packing.packed`."""
+
+
+@dataclass
 class RequirementInfo:
     """An identifier of the specification."""
 
@@ -172,9 +194,11 @@ class RequirementInfo:
     title: str
     section: str
     document: str
+    own: bool = False
+    """It comes from a catalogue of the user, and leads the report."""
 
 
-@dataclass(slots=True)
+@dataclass
 class RunResult:
     """A whole run."""
 
@@ -194,8 +218,8 @@ class RunResult:
     fault_catalogue: list[str] = field(default_factory=list)
     """Fault kinds that the product knows, so that the coverage shows those never injected; may be empty."""
     planned: list[str] = field(default_factory=list)
-    """Identifiers of all cases of the whole campaign, in order; of a shard also those of the others; may be
-    empty.
+    """Identifiers of all cases of the whole campaign, in order; of a shard also
+    those of the others; may be empty.
     """
     shard: str = ""
     """`2/4`: this run is the second of four parts of the campaign; empty: it is all of it."""

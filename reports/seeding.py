@@ -1,5 +1,5 @@
-"""The defects that were seeded on purpose, and which cases noticed them: `mutants.json` of a report
-folder.
+"""The defects that were seeded on purpose, and which cases noticed them:
+`mutants.json` of a report folder.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ SEEDING_FILE: Final = "mutants.json"
 """
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Defect:
     """A seeded defect."""
 
@@ -30,7 +30,7 @@ class Defect:
     seconds: float | None
 
 
-@dataclass(slots=True)
+@dataclass
 class Seeding:
     """What the file says; empty with `error` where it cannot be read."""
 

@@ -1,12 +1,10 @@
 """A run on disk: `run.json`, an append-only journal `cases.jsonl` and one NumPy archive of signals per case.
 
 The journal gets one line per finished case, flushed and synchronised to the disk, after the archive of the
-case is
-there: a run that is killed loses at most the case that was running. A line that was cut off in the
-    middle of writing
-is the last one; it is ignored on reading and cut away before the next line is added.
+case is there: a run that is killed loses at most the case that was running. A line that was cut off in the
+middle of writing is the last one; it is ignored on reading and cut away before the next line is added.
 
-NaN and infinities stand in the journal as the words that Python's `json` reads and writes.
+NaN and infinities are in the journal as the words that Python's `json` reads and writes.
 """
 
 from __future__ import annotations
@@ -31,6 +29,7 @@ from reports.codec import (
 )
 from reports.errors import StoreError
 from reports.model import CaseResult, Message, RunResult
+from reports.naming import naming
 from reports.packed import pack_case
 
 __all__ = [
@@ -90,10 +89,11 @@ def write_case(directory: str | Path, case: CaseResult) -> CaseResult:
     if not (folder / RUN_FILE).exists():
         raise StoreError(f"{folder}: no run here; {RUN_FILE} is missing (call start_run first)")
     plain = case_to_plain(case)
-    plain["signals"] = write_signals(folder, case)
+    with naming(folder / SIGNAL_FOLDER):
+        plain["signals"] = write_signals(folder, case)
     line = json.dumps(plain, default=plain_number, separators=(",", ":")).encode("ascii") + b"\n"
     path = folder / JOURNAL_FILE
-    with path.open("r+b" if path.exists() else "w+b") as file:
+    with naming(path), path.open("r+b" if path.exists() else "w+b") as file:
         _mend_tail(file)
         file.write(line)
         file.flush()
@@ -138,7 +138,7 @@ def load_run(directory: str | Path, *, lazy: bool = False) -> RunResult:
 
     Args:
         directory: Folder of the run.
-        lazy: Read signals and bus log of a case when somebody asks for them, each time anew, and keep its
+        lazy: Read signals and bus log of a case when somebody asks for them, again each time, and keep its
             story packed. What is wrong with signals or bus log is then raised there.
 
     Raises:
@@ -167,7 +167,7 @@ def stored_cases(directory: str | Path) -> list[str]:
 
 
 class StoredMessages(Sequence[Message]):
-    """The bus log of a case as it stands in the journal, taken apart when it is asked for: as text it takes a
+    """The bus log of a case as it is in the journal, taken apart when it is asked for: as text it takes a
     tenth of the memory.
 
     Args:
@@ -270,8 +270,8 @@ def _split(line: bytes) -> tuple[bytes, bytes]:
 
 
 def _mend_tail(file: io.BufferedRandom) -> None:
-    """Place the file at the end of its last whole line: complete a line without newline, cut off a torn
-    one.
+    """Place the file at the end of its last whole line: complete a line
+    without newline, cut off a torn one.
     """
     size = file.seek(0, os.SEEK_END)
     position = size
@@ -309,4 +309,5 @@ def _read_header(folder: Path) -> dict[str, Any]:
 
 def _write_header(folder: Path, plain: dict[str, Any]) -> None:
     text = json.dumps({"format": FORMAT, **plain}, default=plain_number, indent=1)
-    write_whole(folder / RUN_FILE, text.encode("ascii"))
+    with naming(folder / RUN_FILE):
+        write_whole(folder / RUN_FILE, text.encode("ascii"))

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from reports.coverage import prefix_totals, requirement_matrix
+from reports.json_types import JsonObject
 from reports.model import RunResult, Verdict
-from reports.text import headline, run_state
+from reports.text import check_sentence, headline, run_state
 
 
 def run_digest(run: RunResult) -> str:
@@ -24,7 +25,7 @@ def run_digest(run: RunResult) -> str:
     ).hexdigest()
 
 
-def summary(run: RunResult, *, report: str = "", junit: str = "") -> dict[str, Any]:
+def summary(run: RunResult, *, report: str = "", junit: str = "") -> JsonObject:
     """Return the summary that `hil` prints.
 
     Args:
@@ -51,7 +52,7 @@ def summary(run: RunResult, *, report: str = "", junit: str = "") -> dict[str, A
 
 def full_summary(
     run: RunResult, *, report: str = "", junit: str = "", changes: Mapping[str, Any] | None = None
-) -> dict[str, Any]:
+) -> JsonObject:
     """Return `summary` with the state of the run, its environment and a line per case.
 
     Args:
@@ -89,6 +90,11 @@ def full_summary(
                 "group": case.group,
                 "verdict": case.verdict.value,
                 "headline": headline(case),
+                "checks": [
+                    {"verdict": check.verdict.value, "sentence": check_sentence(check)}
+                    for check in case.checks
+                    if not (check.rule and check.verdict is Verdict.PASSED)
+                ],
                 "seed": case.seed,
                 "token": case.token,
                 "simulated_s": _finite(case.simulated_s),

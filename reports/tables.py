@@ -33,8 +33,8 @@ _FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
 
 
 def write_cases(run: RunResult, path: str | Path) -> Path:
-    """Write a row per case in the order of the run, comma-separated UTF-8 with a heading, and return the
-    path.
+    """Write a row per case in the order of the run, comma-separated UTF-8 with
+    a heading, and return the path.
 
     Several values of a cell stand apart by semicolons. A text that a spreadsheet would take for a formula
     gets an apostrophe before it, as spreadsheets write it themselves.

@@ -61,8 +61,8 @@ def reaction_name(code: int) -> str:
 
 
 def number(value: float, digits: int = 6) -> str:
-    """Return a number with up to `digits` significant digits, without an exponent where that stays
-    readable.
+    """Return a number with up to `digits` significant digits, without an
+    exponent where that stays readable.
     """
     if not math.isfinite(value):
         return {True: "∞", False: "-∞"}[value > 0] if math.isinf(value) else "not a number"
@@ -76,26 +76,54 @@ def number(value: float, digits: int = 6) -> str:
     return f"{value:.{digits}g}"
 
 
+_CODES: Final = re.compile(r"(^|_)(code|error_id|controlword|statusword|stw\d|zsw\d|mask|cob_id|index)$")
+
+
+def code_text(name: str, value: object) -> str:
+    """Return a value as the manuals write it: codes and words hexadecimal (`2310h`), others as they are."""
+    if isinstance(value, int) and not isinstance(value, bool) and value >= 0 and _CODES.search(name):
+        return f"{value:04X}h"
+    return str(value)
+
+
 def quantity(value: float, unit: str, digits: int = 6) -> str:
     """Return a number with its unit."""
     return f"{number(value, digits)} {unit}".rstrip()
 
 
+def _in_size(unit: str, *values: float | None) -> tuple[float, str]:
+    """Return the factor and the unit in which values are readable: times below a second in ms."""
+    sizes = [abs(value) for value in values if value is not None]
+    return (1e3, "ms") if unit == "s" and sizes and max(sizes) < 1.0 else (1.0, unit)
+
+
 def limits(check: Check) -> str:
     """Return the limits of a measurement in symbols; empty without limits."""
-    unit = f" {check.unit}" if check.unit else ""
+    factor, name = _in_size(check.unit, check.low, check.high)
+    unit = f" {name}" if name else ""
+    if check.high is not None and (check.low is None or (check.low == 0 and name in ("s", "ms"))):
+        return f"≤ {number(check.high * factor)}{unit}"
     if check.low is not None and check.high is not None:
-        return f"{number(check.low)} … {number(check.high)}{unit}"
-    if check.high is not None:
-        return f"≤ {number(check.high)}{unit}"
-    if check.low is not None:
-        return f"≥ {number(check.low)}{unit}"
-    return ""
+        return f"{number(check.low * factor)} … {number(check.high * factor)}{unit}"
+    return "" if check.low is None else f"≥ {number(check.low * factor)}{unit}"
+
+
+def limit_words(low: float | None, high: float | None, unit: str) -> str:
+    """Return limits in words: `45 … 55 mm`, `at most 5 mm`, `0`."""
+    if low is not None and high is not None:
+        if low == high:
+            return quantity(low, unit)
+        if low == -high:
+            return f"± {quantity(high, unit)}"
+        return f"{quantity(low, '')} … {quantity(high, unit)}"
+    if high is not None:
+        return f"at most {quantity(high, unit)}"
+    return "" if low is None else f"at least {quantity(low, unit)}"
 
 
 def margin(check: Check) -> float | None:
-    """Return the distance of a measurement to its nearest limit: negative outside; None without value or
-    limits.
+    """Return the distance of a measurement to its nearest limit: negative
+    outside; None without value or limits.
     """
     if check.value is None or not math.isfinite(check.value):
         return None
@@ -112,10 +140,12 @@ def margin_text(check: Check) -> str:
     distance = margin(check)
     if distance is None or check.value is None or not math.isfinite(distance):
         return ""
+    factor, unit = _in_size(check.unit, distance)
+    text = quantity(abs(distance) * factor, unit, 4)
     if distance >= 0:
-        return f"{quantity(distance, check.unit, 4)} to spare"
+        return f"{text} to spare"
     over = check.high is not None and check.value > check.high
-    return f"{quantity(-distance, check.unit, 4)} {'over' if over else 'under'} the limit"
+    return f"{text} {'over' if over else 'under'} the limit"
 
 
 def expected_text(check: Check) -> str:
@@ -127,10 +157,14 @@ def observed_text(check: Check) -> str:
     """Return what was observed, from the value where the check has no text."""
     if check.observed.strip():
         return check.observed.strip()
-    return "" if check.value is None else quantity(check.value, check.unit)
+    if check.value is None:
+        return ""
+    factor, unit = _in_size(check.unit, check.value)
+    return quantity(check.value * factor, unit)
 
 
-def _capital(text: str) -> str:
+def capital(text: str) -> str:
+    """Return the text with a capital letter in front."""
     return text[:1].upper() + text[1:]
 
 
@@ -144,14 +178,16 @@ def _strip_name(name: str, text: str) -> str:
 
 
 def check_sentence(check: Check) -> str:
-    """Return one sentence of expected against observed: `Alarm 521 expected within 20 ms, came after 48
-    ms`.
+    """Return what came of a check in one sentence: its own, else one of expected against observed (`Alarm 521
+    expected within 20 ms, came after 48 ms`).
     """
+    if check.sentence:
+        return check.sentence
     name = " ".join(check.name.split())
     expected = _strip_name(name, " ".join(expected_text(check).split()))
     observed = _strip_name(name, " ".join(observed_text(check).split()))
     if not expected and not observed:
-        return _capital(name)
+        return capital(name)
     if _MOMENT.match(observed):
         observed = f"came {observed}"
     elif observed and not _VERB.match(observed):
@@ -160,7 +196,7 @@ def check_sentence(check: Check) -> str:
     parts = [f"{name}{colon} expected {expected}"] if expected else [f"{name}:"]
     if observed:
         parts.append(observed)
-    return _capital((", " if expected else " ").join(parts))
+    return capital((", " if expected else " ").join(parts))
 
 
 def _first_line(text: str) -> str:
@@ -175,9 +211,9 @@ def headline(case: CaseResult) -> str:
     if case.verdict is Verdict.PASSED:
         return ""
     if case.verdict is Verdict.FAILED:
-        for check in case.checks:
-            if check.verdict is Verdict.FAILED:
-                return check_sentence(check)
+        failed = [check for check in case.checks if check.verdict is Verdict.FAILED]
+        if failed:
+            return check_sentence(min(failed, key=lambda check: check.rule))
     if message := _first_line(case.message):
         return message
     for check in case.checks:
@@ -190,11 +226,17 @@ def headline(case: CaseResult) -> str:
     }[case.verdict]
 
 
+def own_title(case: CaseResult) -> str:
+    """Return the title of a case as far as it says more than its identifier; empty where it does not."""
+    title = case.title.removeprefix(case.identifier).strip(" :-")
+    return "" if title and case.identifier.endswith(title) else title
+
+
 def run_state(run: RunResult) -> str:
     """Return the state of the run in one word.
 
-    `failed` (a case failed or broke), `interrupted`, `empty` (nothing passed, so nothing was shown), or
-    `passed`.
+    `failed` (a case failed or broke), `interrupted`, `empty` (nothing passed, so
+    nothing was shown), or `passed`.
     """
     if run.count(Verdict.FAILED) or run.count(Verdict.ERROR):
         return "failed"

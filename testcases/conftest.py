@@ -1,14 +1,14 @@
 """What all tests share: Hypothesis profiles, the quick selection, the real CAN interface, no silent skips.
 
-Plain `pytest` runs the quick selection on all processors: no test with the mark `exhaustive`, and two
-parameter sets of every parametrised test. `pytest PATH` runs every test of a path, `pytest testcases`
+Plain `pytest` runs the quick selection on all processors: no test with the mark `exhaustive`, and the
+first parameter set of every parametrised test. `pytest PATH` runs every test of a path, `pytest testcases`
 every test that needs nothing but Python.
 
 Environment variables:
     HYPOTHESIS_PROFILE: `dev` (default; new examples in every run), `ci` (the same examples in every run) or
         `nightly` (many new examples).
-    HIL_VCAN, HIL_VCAN_FAR: Names of the SocketCAN interfaces for tests with the mark `vcan`; default
-        vcan0, vcan0b.
+    HIL_VCAN, HIL_VCAN_2: Names of the SocketCAN interfaces for tests with the mark `vcan`; default
+        vcan0, vcan1.
     HIL_NO_SKIPS: Not empty: a skipped test counts as failed. For places where everything is known to be
         installed.
 """
@@ -33,7 +33,12 @@ settings.register_profile("dev", deadline=None, print_blob=True)
 # Hypothesis mixes constants of the modules that happen to be loaded into its examples; the provider of the
 # program search does not, so that examples depend on the test alone.
 settings.register_profile(
-    "ci", deadline=None, derandomize=True, backend=BACKEND, suppress_health_check=[HealthCheck.too_slow]
+    "ci",
+    deadline=None,
+    max_examples=30,  # they are the same in every run; new ones are for `dev` and `nightly`
+    derandomize=True,
+    backend=BACKEND,
+    suppress_health_check=[HealthCheck.too_slow],
 )
 settings.register_profile(
     "nightly", deadline=None, max_examples=2000, suppress_health_check=[HealthCheck.too_slow]
@@ -112,7 +117,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest selects by marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give the mark `exhaustive` to all parameter sets of a test but the first and the last.
+    """Give the mark `exhaustive` to all parameter sets of a test but the first.
 
     A test some of whose sets have the mark already makes its own choice.
     """
@@ -121,7 +126,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         by_test.setdefault((item.parent, getattr(item, "originalname", item.name)), []).append(item)
     for sets in by_test.values():
         if not any(item.get_closest_marker(name) for name in OWN_CHOICE for item in sets):
-            for item in sets[1:-1]:
+            for item in sets[1:]:
                 item.add_marker(pytest.mark.exhaustive)
 
 
@@ -134,7 +139,7 @@ def vcan_channel() -> str:
 @pytest.fixture(scope="session")
 def far_channel(vcan_channel) -> str:
     """Name of a second SocketCAN interface, not connected to the first."""
-    return working_interface(os.environ.get("HIL_VCAN_FAR") or f"{vcan_channel}b")
+    return working_interface(os.environ.get("HIL_VCAN_2") or "vcan1")
 
 
 def working_interface(interface: str) -> str:
@@ -145,7 +150,7 @@ def working_interface(interface: str) -> str:
     except OSError as error:
         pytest.fail(
             f"no SocketCAN interface {interface}: {error.strerror or error}. "
-            "Run these tests through `tox -e vcan` or `python testcases/vcan/run.py -- pytest -m vcan`.",
+            "Run these tests through `tox -e vcan` or `hil vcan --count 2 -- pytest -m vcan`.",
             pytrace=False,
         )
     return interface

@@ -3,7 +3,7 @@
 `LibraryMaster` uses nothing but the library's public classes: `Network`, `BaseNode402` with its SDO client,
 PDO maps,
 NMT master and EMCY consumer. What it does differently from the library's own examples, and why, is told in
-`docs/interoperation.md`.
+`docs/reference/interoperation.md`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MILLI_RPM: Final = 0xFDB44700
 CONTROL: Final = (0x6040, 0x6060)
 """RPDO1: control word and mode, so that no PDO carries a control word that nobody has written."""
 SETPOINTS: Final = (0x607A, 0x60FF)
-"""RPDO2: set-points, latched by SYNC."""
+"""RPDO2: setpoints, latched by SYNC."""
 STATUS: Final = (0x6041, 0x6061, 0x6064)
 """TPDO1, with every SYNC."""
 VALUES: Final = (0x606C, 0x6077)
@@ -182,9 +182,9 @@ class LibraryMaster:
         node = self.node
         node.sdo[0x607A].raw = position
         node.controlword = State402.CW_OPERATION_ENABLED | flags
-        self.until(lambda: not self.status_bit(ACKNOWLEDGED), "set-point acknowledge gone")
+        self.until(lambda: not self.status_bit(ACKNOWLEDGED), "setpoint acknowledge gone")
         node.controlword = State402.CW_OPERATION_ENABLED | NEW_SETPOINT | flags
-        self.until(lambda: self.status_bit(ACKNOWLEDGED), "set-point acknowledge")
+        self.until(lambda: self.status_bit(ACKNOWLEDGED), "setpoint acknowledge")
         node.controlword = State402.CW_OPERATION_ENABLED | flags
 
     def move_to(self, position: int, *, relative: bool = False) -> None:
@@ -221,7 +221,7 @@ class LibraryMaster:
         pdo.start(period_s)
 
     def follow(self, index: int, values: list[int]) -> list[int]:
-        """Change the cyclic set-point once per SYNC; returns the 6064h that came with each SYNC."""
+        """Change the cyclic setpoint once per SYNC; returns the 6064h that came with each SYNC."""
         pdo = self.node.rpdo[2]
         positions = []
         for value in values:

@@ -1,8 +1,7 @@
 """Emulated bus adapters: what stands between a program that speaks to an adapter and a CAN segment.
 
 `SlcanAdapter` is the protocol of serial-line adapters alone, bytes in and bytes out. `SlcanDevice` connects
-one to a
-segment and to a pseudo-terminal, which any program opens as it would `/dev/ttyACM0`.
+one to a segment and to a pseudo-terminal, which any program opens as it would `/dev/ttyACM0`.
 """
 
 from emulators.adapter._acceptance import AcceptanceFilter

@@ -16,8 +16,6 @@ class AcceptanceFilter:
     power-on) a frame is taken when either fits.
     """
 
-    __slots__ = ("code", "mask", "single")
-
     def __init__(self) -> None:
         self.code = 0
         """ACR0 to ACR3, ACR0 in the upper byte."""
@@ -33,7 +31,7 @@ class AcceptanceFilter:
         if self.single:
             word, known = _single(frame)
             return not (word ^ self.code) & ~self.mask & known
-        # Only the first pattern has room for a data byte, whose lower half lies in the last register.
+        # Only the first pattern can hold a data byte, whose lower half is in the last register.
         first, second, known_first, known_second = _dual(frame)
         code, mask = self.code, self.mask
         one = not (first ^ _first_pattern(code)) & ~_first_pattern(mask) & known_first

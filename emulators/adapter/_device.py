@@ -50,14 +50,14 @@ class SlcanDevice:
 
     def _on_frame(self, frame: CanFrame, time_ns: int) -> None:
         lost = self.adapter.status & StatusFlag.OVERRUN
-        self._line.write(self.adapter.deliver(frame, time_ns, room=self._line.room))
+        self._line.write(self.adapter.deliver(frame, time_ns, free=self._line.free))
         if self.adapter.status & StatusFlag.OVERRUN and not lost and self._history is not None:
             self._history.emit(self.name, "adapter.overrun", can_id=frame.can_id)
 
     def _send(self, frame: CanFrame) -> bool:
         try:
             self._port.send(frame)
-        except BusError:  # told by the segment
+        except BusError:  # the segment reports it
             return False
         return True
 

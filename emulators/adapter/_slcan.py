@@ -40,7 +40,7 @@ class ChannelState(StrEnum):
 
 
 class StatusFlag(IntFlag):
-    """Bits of the answer to `F`; reading clears those that tell of something past."""
+    """Bits of the answer to `F`; reading clears those that report something past."""
 
     RECEIVE_FULL = 0x01
     TRANSMIT_FULL = 0x02
@@ -291,13 +291,13 @@ class SlcanAdapter:
         """Whether the channel runs at another bit rate than the bus."""
         return self._bitrate is not None and self.channel_bitrate != self._bitrate
 
-    def deliver(self, frame: CanFrame, time_ns: int, *, room: int) -> bytes:
+    def deliver(self, frame: CanFrame, time_ns: int, *, free: int) -> bytes:
         """Take a frame of the bus and return what goes to the program now.
 
         Args:
             frame: The frame.
             time_ns: When it came.
-            room: Bytes that the line can take at this moment; what does not fit is lost and flagged.
+            free: Bytes that the line can take at this moment; what does not fit is lost and flagged.
 
         """
         if self.state is ChannelState.CLOSED:
@@ -309,7 +309,7 @@ class SlcanAdapter:
             return b""
         text = self._text(frame, time_ns)
         if self.auto_poll:
-            if len(text) <= room:
+            if len(text) <= free:
                 return text
         elif len(self._queue) < _RECEIVE_DEPTH:
             self._queue.append(text)

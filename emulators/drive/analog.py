@@ -75,25 +75,6 @@ class AnalogDrive(ServoDrive):
 
     """
 
-    __slots__ = (
-        "_causes",
-        "_forced_ready",
-        "_locked",
-        "_ready",
-        "_ready_timer",
-        "_share",
-        "_torque_off",
-        "config",
-        "enabled",
-        "fault_number",
-        "on_inputs",
-        "on_ready",
-        "powered",
-        "state",
-        "trace_columns",
-        "voltage",
-    )  # fmt: skip
-
     trace_enums: ClassVar = value_texts(_COLUMNS)
 
     def __init__(
@@ -108,11 +89,11 @@ class AnalogDrive(ServoDrive):
         train = build_drive_train(
             scheduler,
             mechanics=config.mechanics,
+            switches=config.switches,
             encoder=config.encoder,
             brake=config.brake,
             tuning=config.speed_tuning,
             servo_period_ns=config.servo_period_ns,
-            input_filter_s=config.input_filter_s,
             rng=rng,
         )
         super().__init__(
@@ -149,8 +130,8 @@ class AnalogDrive(ServoDrive):
         self.limit_torque(None)
 
     def trace_row(self) -> tuple[float, ...]:
-        """Return the present values of `trace_columns`; position, velocity and speed are those of the true
-        mechanics.
+        """Return the present values of `trace_columns`; position, velocity and speed
+        are those of the true mechanics.
         """
         core = self.core
         return (
@@ -177,7 +158,7 @@ class AnalogDrive(ServoDrive):
         self.digital_inputs.read()
         self.fault_number = 0
         # An enable that was there before the supply came does not start the motor.
-        self._locked = self.config.enable_input and self.enabled
+        self._locked = self.config.analog.enable_input and self.enabled
         self._enter(AnalogState.STANDBY)
         if self._causes:
             self._trip(min(self._causes))
@@ -211,7 +192,7 @@ class AnalogDrive(ServoDrive):
         if level is self.enabled:
             return
         self.enabled = level
-        if not self.config.enable_input:
+        if not self.config.analog.enable_input:
             return
         if level:
             self._start()
@@ -232,7 +213,7 @@ class AnalogDrive(ServoDrive):
 
     @property
     def _wanted(self) -> bool:
-        return (self.enabled or not self.config.enable_input) and not self._locked
+        return (self.enabled or not self.config.analog.enable_input) and not self._locked
 
     def _start(self) -> None:
         startable = self.state in {AnalogState.STANDBY, AnalogState.STOPPING}
@@ -242,8 +223,9 @@ class AnalogDrive(ServoDrive):
             self.core.enable_pulses()
         self._lead(0.0)
         self._enter(AnalogState.STARTING)
-        if self.config.ready_delay_s:
-            self._ready_timer = self.scheduler.after(seconds_to_ns(self.config.ready_delay_s), self._started)
+        if self.config.analog.ready_delay_ms:
+            delay_ns = seconds_to_ns(self.config.analog.ready_delay_ms / 1000.0)
+            self._ready_timer = self.scheduler.after(delay_ns, self._started)
         else:
             self._started()
 
@@ -262,19 +244,19 @@ class AnalogDrive(ServoDrive):
     def _stop(self) -> None:
         self._cancel_ready()
         config = self.config
-        if config.ready_falls == "enable":
+        if config.analog.ready_falls == "enable":
             self._set_ready(False)
-        if config.stop == "coast":
+        if config.analog.stop == "coast":
             self._enter(AnalogState.STANDBY)
             self.core.inhibit_pulses()
-            if config.ready_falls == "standstill":
+            if config.analog.ready_falls == "standstill":
                 self._watch_coasting()
             return
         self._enter(AnalogState.STOPPING)
-        self.core.stop(config.max_speed_rpm * RPM / config.stop_ramp_s * self._share)
+        self.core.stop(config.max_speed_rpm * RPM / config.off3_ramp_s * self._share)
 
     def _watch_coasting(self) -> None:
-        """Look whether the motor stands, while nothing else tells it."""
+        """Look whether the motor stands, while nothing else shows it."""
         if self.state is not AnalogState.STANDBY:
             return
         if self.core.standing:
@@ -287,7 +269,7 @@ class AnalogDrive(ServoDrive):
             return
         self.core.inhibit_pulses()
         self._enter(AnalogState.STANDBY)
-        if self.config.ready_falls == "standstill":
+        if self.config.analog.ready_falls == "standstill":
             self._set_ready(False)
 
     def _inhibit(self) -> None:
@@ -359,7 +341,7 @@ class AnalogDrive(ServoDrive):
         if (
             self.state is AnalogState.FAULT
             and not self._causes
-            and self.config.enable_input
+            and self.config.analog.enable_input
             and not self.enabled
         ):
             self.fault_number = 0
@@ -369,7 +351,7 @@ class AnalogDrive(ServoDrive):
         """Activate or release safe torque off; the drive needs a new enable then."""
         self._torque_off = active
         if active and self.powered and self.state is not AnalogState.FAULT:
-            self._locked = self.config.enable_input and self.enabled
+            self._locked = self.config.analog.enable_input and self.enabled
             self._enter(AnalogState.STANDBY)
             self._inhibit()
         elif not active:
@@ -383,7 +365,7 @@ class AnalogDrive(ServoDrive):
 
     def limit_torque(self, share: float | None) -> None:
         """Limit the torque to a share of the rated one; None = the peak torque of the drive."""
-        limit = self.config.rated_torque_Nm * (self.config.peak_torque if share is None else share)
+        limit = self.config.rated_torque_nm * (self.config.peak_torque if share is None else share)
         self.core.set_torque_limits(limit, limit)
 
     def scale_ramps(self, share: float) -> None:

@@ -22,23 +22,6 @@ class HoldingBrake:
 
     """
 
-    __slots__ = (
-        "_command_open",
-        "_elapsed_s",
-        "_forced_closed",
-        "_forced_open",
-        "_mechanics",
-        "_slip_share",
-        "_stuck",
-        "busy",
-        "closed",
-        "closing_time_s",
-        "fitted",
-        "opening_time_s",
-        "torque_Nm",
-        "worn",
-    )
-
     def __init__(
         self,
         mechanics: AxisMechanics,
@@ -65,7 +48,7 @@ class HoldingBrake:
         self._forced_closed = False
         self._elapsed_s = 0.0
         self.closed = torque_Nm > 0.0
-        """Whether the drive takes the brake for closed; a brake that is stuck does not tell."""
+        """Whether the drive takes the brake for closed; a stuck brake gives no signal."""
         self._stuck: bool | None = None
         self._slip_share = 1.0
         self.busy = False

@@ -270,8 +270,8 @@ class ServoCore:
 
     @property
     def phase_steps(self) -> int:
-        """Servo steps by which the present instant lies before (> 0) or behind the end of the
-        interpolation.
+        """Servo steps by which the present instant lies before (> 0) or
+        behind the end of the interpolation.
         """
         return self._left or self._coast - self._coast_length
 
@@ -358,7 +358,7 @@ class ServoCore:
             target: rad.
             steps: Servo steps, >= 1.
             precontrol: Velocity pre-control, rad/s; None = that of the way, by `velocity_feedforward`.
-            coast: Servo steps for which the demand goes on beyond the target when nothing new comes.
+            coast: Servo steps for which the demand continues beyond the target when nothing new comes.
 
         """
         if self._source != _POSITION:
@@ -372,11 +372,11 @@ class ServoCore:
         self._coast = self._coast_length = coast
 
     def command_servo(self, velocity: float, reference: float, gain: float, steps: int) -> None:
-        """Close a position loop around a velocity that comes from outside: velocity + gain * (reference -
-        position).
+        """Close a position loop around a velocity that comes from outside: velocity +
+        gain * (reference - position).
 
-        The loop runs in every servo step (dynamic servo control, PD-195). Velocity and reference are reached
-        linearly.
+        The loop runs in every servo step (dynamic servo control, PD-195). Velocity and
+        reference are reached linearly.
 
         Args:
             velocity: rad/s.
@@ -403,8 +403,8 @@ class ServoCore:
         self.command_position(self._next_position if self.controls_position else self.position, 1)
 
     def follow_profile(self) -> PositionProfile:
-        """Take the demand from `profile`, which starts from the present demand when another source was
-        active.
+        """Take the demand from `profile`, which starts from the present demand
+        when another source was active.
         """
         if self._source != _PROFILE:
             self._take_over(_PROFILE)
@@ -480,8 +480,8 @@ class ServoCore:
         self._standing_steps = self._stop_steps = 0
 
     def stop_torque(self, slope: float) -> None:
-        """Take the torque to zero with a slope (Nm/s) and report by `on_standstill` when it is; the axis
-        coasts.
+        """Take the torque to zero with a slope (Nm/s) and report by
+        `on_standstill` when it is; the axis coasts.
         """
         present = self._torque if self._source == _TORQUE else self.torque_demand - self.torque_offset
         steps = abs(present) / (slope * self._period) if slope > 0.0 else 0.0
@@ -491,8 +491,8 @@ class ServoCore:
     # -- additive torque -------------------------------------------------------------------------------
 
     def add_torque(self, torque_Nm: float, steps: int = 1) -> None:
-        """Add a torque to what the velocity controller wants, Nm, reached linearly within servo steps; 1 = at
-        once.
+        """Add a torque to what the velocity controller wants, Nm, reached linearly
+        within servo steps; 1 = at once.
         """
         if steps == 1:
             self.torque_offset = torque_Nm
@@ -503,8 +503,8 @@ class ServoCore:
         self._offset_left = steps
 
     def take_torque_offset(self, torque_Nm: float) -> None:
-        """Replace the additive torque without changing the torque: the integral part takes the difference,
-        Nm.
+        """Replace the additive torque without changing the torque: the integral
+        part takes the difference, Nm.
         """
         self._integral += self.torque_offset - torque_Nm
         self.add_torque(torque_Nm)
@@ -603,8 +603,8 @@ class ServoCore:
         return not self.enabled
 
     def _other_source(self, source: int, old: float, angle: float) -> tuple[float, float]:
-        """Return the velocity that the controller wants to see now, and the pre-control for the end of the
-        interval.
+        """Return the velocity that the controller wants to see now, and the
+        pre-control for the end of the interval.
         """
         if source == _POSITION:
             self.position_demand = demand = self._next_position
@@ -672,8 +672,8 @@ class ServoCore:
         return wanted, new
 
     def _ramped(self, old: float) -> float:
-        """Return the demand one step nearer to the target: acceleration away from zero, braking towards
-        it.
+        """Return the demand one step nearer to the target: acceleration away
+        from zero, braking towards it.
         """
         target = self._velocity_target
         if old < target:

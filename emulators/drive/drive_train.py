@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 
 from emulators.drive.core import ServoCore
 from emulators.drive.inputs import DigitalInputs
-from emulators.drive.machine import BrakeConfig, EncoderConfig, LinearAxisConfig, RotaryAxisConfig
+from emulators.drive.machine import (
+    BrakeConfig,
+    EncoderConfig,
+    LinearAxisConfig,
+    RotaryAxisConfig,
+    SwitchesConfig,
+    build_machine,
+)
 from emulators.drive.power_stage import PowerStage
 from emulators.drive.supply import SupplyConfig
 from emulators.drive.thermal import ThermalConfig
@@ -20,7 +27,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class DriveTrain:
     """Machine, motor with encoder and brake, and the servo core that controls them.
 
@@ -68,30 +75,30 @@ def build_drive_train(
     scheduler: Scheduler,
     *,
     mechanics: LinearAxisConfig | RotaryAxisConfig,
+    switches: SwitchesConfig,
     encoder: EncoderConfig,
     brake: BrakeConfig,
     tuning: ServoTuning,
     servo_period_ns: int,
-    input_filter_s: float = 0.0,
     rng: np.random.Generator | None = None,
 ) -> DriveTrain:
     """Build a drive train; its servo core runs on the scheduler from now on.
 
     Args:
         scheduler: Clock of the drive.
-        mechanics: Machine with its switches.
+        mechanics: Machine.
+        switches: Switches on the travel of a linear axis.
         encoder: Motor encoder.
         brake: Holding brake of the motor.
         tuning: Gains of the control loops.
         servo_period_ns: Control period, ns.
-        input_filter_s: Filter time of limit and home switches, s.
         rng: Source of the encoder noise; None: the encoder cannot be made noisy.
 
     Raises:
         ConfigurationError: The servo period is too long for the gains.
 
     """
-    plant, switches = mechanics.build()
+    plant, fitted = build_machine(mechanics, switches)
     model = encoder.build(rng)
     core = ServoCore(
         mechanics=plant,
@@ -105,7 +112,7 @@ def build_drive_train(
         core=core,
         mechanics=plant,
         encoder=model,
-        switches=switches,
-        digital_inputs=DigitalInputs(scheduler, switches, filter_s=input_filter_s),
+        switches=fitted,
+        digital_inputs=DigitalInputs(scheduler, fitted, filter_s=switches.input_filter_s),
         load_unit="m" if isinstance(mechanics, LinearAxisConfig) else "rad",
     )

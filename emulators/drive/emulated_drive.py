@@ -16,7 +16,7 @@ from emulators.mechanics import SwitchModel
 from emulators.repetition import Repetition
 from fieldbus.clock import Scheduler
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
-from fieldbus.history import History
+from fieldbus.history import History, Scalar
 from fieldbus.node_clock import own_clock
 
 
@@ -33,6 +33,13 @@ class Travel(Protocol):
         """Place or remove (None) the end stops, m or rad."""
 
 
+def _fault_text(data: Mapping[str, Scalar]) -> str:
+    """Return a fault event in words: its text has the number, or the number stands alone."""
+    code, number = data.get("code"), data.get("number")
+    name = f"fault {code:04X}h" if isinstance(code, int) else f"fault {number}"
+    return f"{name}: {data['text']}" if data.get("text") else name
+
+
 class EmulatedDrive:
     """A drive with a machine that has switches and end stops.
 
@@ -45,8 +52,6 @@ class EmulatedDrive:
         digital_inputs: Inputs that the switches are wired to.
 
     """
-
-    __slots__ = ("_history", "_travel", "digital_inputs", "name", "scheduler", "switches")
 
     def __init__(
         self,
@@ -81,6 +86,20 @@ class EmulatedDrive:
         """Write an event of this drive into the log, if there is one."""
         if self._history is not None:
             self._history.emit(self.name, kind, **data)
+
+    def __repr__(self) -> str:
+        state, faults = "", list[str]()
+        for entry in self._history.events if self._history is not None else ():
+            if entry.source != self.name:
+                continue
+            if entry.kind == "drive.state":
+                state = f" {entry.data.get('to')}"
+            elif entry.kind == "drive.fault":
+                faults.append(_fault_text(entry.data))
+            elif entry.kind == "drive.fault_cleared":
+                faults.clear()
+        text = f", {', '.join(faults)}" if faults else ""
+        return f"<{type(self).__name__} {self.name}{state}{text} ({self.now_ns * 1e-9:.3f} s)>"
 
     # -- machine -----------------------------------------------------------------------------------------
 
@@ -168,8 +187,6 @@ class ServoDrive(EmulatedDrive):
         control_period_ns: Control period, ns; an encoder drift advances once per period.
 
     """
-
-    __slots__ = ("_control_period_ns", "_drift", "_drift_rest", "core", "encoder", "mechanics", "train")
 
     def __init__(
         self,
@@ -306,8 +323,6 @@ class MainsDrive(ServoDrive):
         control_period_ns: Control period, ns.
 
     """
-
-    __slots__ = ("power",)
 
     def __init__(
         self,

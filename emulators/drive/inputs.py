@@ -26,19 +26,6 @@ class DigitalInputs:
 
     """
 
-    __slots__ = (
-        "_filter_ns",
-        "_levels",
-        "_scheduler",
-        "_switches",
-        "_timers",
-        "fitted",
-        "on_change",
-        "on_probe",
-        "swapped",
-        "value",
-    )
-
     def __init__(self, scheduler: Scheduler, switches: Mapping[str, SwitchModel], *, filter_s: float) -> None:
         self._scheduler = scheduler
         self._filter_ns = seconds_to_ns(filter_s)
@@ -54,8 +41,8 @@ class DigitalInputs:
         self.on_change: Callable[[int], None] = _nothing
         """Called with the value before, after every change."""
         self.on_probe: Callable[[int, SwitchModel], None] = _no_probe
-        """Called with the number of the probe, 1 or 2, at every edge of its input, within the step of the
-        machine.
+        """Called with the number of the probe, 1 or 2, at every edge of its input,
+        within the step of the machine.
         """
         for bit, switch in self._switches.items():
             switch.on_change = partial(self._changed, bit)
@@ -75,8 +62,8 @@ class DigitalInputs:
         self._set(self.value | bit if active else self.value & ~bit)
 
     def swap_limits(self, swapped: bool) -> None:
-        """Exchange the wires of the two limit switches, which both have to be fitted, or put them right
-        again.
+        """Exchange the wires of the two limit switches, which both have to be
+        fitted, or put them right again.
         """
         if swapped is self.swapped:
             return

@@ -5,13 +5,14 @@ as configuration.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
 from annotated_types import Ge, Le
 
-from emulators.checked_fields import BENCH_FILE_TABLE, check_fields
+from emulators.checked_fields import BENCH_FILE_TABLE, NotNegative, Positive, check_fields
 from emulators.drive.brake import HoldingBrake
 from emulators.encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder
 from emulators.mechanics import AxisMechanics, LinearAxisMechanics, RotaryAxisMechanics, SwitchModel
@@ -30,108 +31,202 @@ INPUT_BITS: Final[Mapping[str, int]] = {
 """Inputs of a drive that a switch can be wired to, with their bits in 60FDh (C402-168)."""
 PROBE_INPUTS: Final = ("probe1", "probe2")
 """Inputs that are always there: something that touches is not always part of the machine."""
+_HOME_MM: Final = -500.0
+SafeTime_ms = Annotated[float, Ge(1.0), Le(600_000.0)]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SwitchConfig:
-    """A switch on the travel.
+@dataclass(frozen=True, kw_only=True)
+class SwitchesConfig:
+    """`[drive.NAME.switches]`: switches on the travel of the load.
 
-    Args:
-        low: Lower end of the actuated range, m or rad; -inf = everything below `high`.
-        high: Upper end of the actuated range, m or rad; inf = everything above `low`.
-        hysteresis: m or rad, >= 0.
-        inverted: The signal is the opposite of the actuation.
+    Raises:
+        ConfigurationError: A value is out of its range, or a cam ends before it begins.
 
     """
 
-    low: float = -math.inf
-    high: float = math.inf
-    hysteresis: float = 0.0
-    inverted: bool = False
+    __pydantic_config__: ClassVar = BENCH_FILE_TABLE
+
+    negative_limit_mm: float | None = -550.0
+    """Active below this position."""
+    positive_limit_mm: float | None = 550.0
+    """Active above this position."""
+    limit_width_mm: Positive | None = None
+    """Way on which a limit switch stays actuated, for switches that can be traversed
+    (`PositionLimits_HW.Mode` = 1); none: as far as the load can travel.
+    """
+    normally_closed: bool = False
+    """Limit switches open when they are actuated. `MinSwitchLevel` and `MaxSwitchLevel` of the axis follow.
+    What the drive itself does with its inputs (homing in the drive, `limit_cams_on`) takes an active
+    input for an actuated switch.
+    """
+    home_mm: float | None = _HOME_MM
+    """Active below this position; not together with the next two."""
+    home_from_mm: float | None = None
+    """The home switch is a cam that begins here; alone: active above this position."""
+    home_to_mm: float | None = None
+    """End of the cam; alone: active below this position; above `home_from_mm`."""
+    probe1_from_mm: float | None = None
+    """A workpiece that actuates touch probe 1 begins here; alone: everything above this position."""
+    probe1_to_mm: float | None = None
+    """End of the workpiece; alone: everything below this position; above `probe1_from_mm`."""
+    probe2_from_mm: float | None = None
+    """The same for touch probe 2."""
+    probe2_to_mm: float | None = None
+    """The same for touch probe 2; above `probe2_from_mm`."""
+    hysteresis_mm: NotNegative = 0.5
+    """Distance between switching on and off; touch probes have none."""
+    input_filter_ms: NotNegative = 0.0
+    """A limit or home switch counts when it has been stable for this long."""
 
     def __post_init__(self) -> None:
-        self.build()
+        check_fields(self, "switches")
+        for name, (low, high) in self._cams.items():
+            if low is not None and high is not None and not low < high:
+                raise ConfigurationError(f"{name}_from_mm", low, f"less than {name}_to_mm = {high:g}")
+        if self.home_mm not in (None, _HOME_MM) and (
+            self.home_from_mm is not None or self.home_to_mm is not None
+        ):
+            raise ConfigurationError("home_mm", self.home_mm, "left out with home_from_mm or home_to_mm")
 
-    def build(self) -> SwitchModel:
-        """Return a new switch."""
-        return SwitchModel(low=self.low, high=self.high, hysteresis=self.hysteresis, inverted=self.inverted)
+    @property
+    def _cams(self) -> dict[str, tuple[float | None, float | None]]:
+        """Range in which a switch is actuated, mm, of home switch and touch probes that are there."""
+        home = (self.home_from_mm, self.home_to_mm)
+        cams = {
+            "home": (None, self.home_mm) if home == (None, None) else home,
+            "probe1": (self.probe1_from_mm, self.probe1_to_mm),
+            "probe2": (self.probe2_from_mm, self.probe2_to_mm),
+        }
+        return {name: cam for name, cam in cams.items() if cam != (None, None)}
+
+    @property
+    def input_filter_s(self) -> float:
+        """Time for which a limit or home switch has to be stable, s."""
+        return self.input_filter_ms / 1000.0
+
+    def build(self) -> dict[str, SwitchModel]:
+        """Return new switches by input name, in the order of the inputs; probes are always there."""
+        hysteresis = self.hysteresis_mm / 1000.0
+        width = math.inf if self.limit_width_mm is None else self.limit_width_mm / 1000.0
+        limit = partial(SwitchModel, hysteresis=hysteresis, inverted=self.normally_closed)
+        switches: dict[str, SwitchModel] = {}
+        if self.negative_limit_mm is not None:
+            place = self.negative_limit_mm / 1000.0
+            switches["negative_limit"] = limit(low=place - width, high=place)
+        if self.positive_limit_mm is not None:
+            place = self.positive_limit_mm / 1000.0
+            switches["positive_limit"] = limit(low=place, high=place + width)
+        for name, (low, high) in self._cams.items():
+            switches[name] = SwitchModel(
+                low=-math.inf if low is None else low / 1000.0,
+                high=math.inf if high is None else high / 1000.0,
+                # A probe is made for exactness: it springs back where it was touched.
+                hysteresis=hysteresis if name == "home" else 0.0,
+            )
+        for name in PROBE_INPUTS:
+            switches.setdefault(name, SwitchModel.unreached())
+        return switches
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+NO_SWITCHES: Final = SwitchesConfig(negative_limit_mm=None, positive_limit_mm=None, home_mm=None)
+"""A travel without switches; something may touch the probes."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class LinearAxisConfig:
-    """Motor, gear and lead screw with a slide; see `emulators.mechanics.LinearAxisMechanics` for the units.
+    """`[drive.NAME.mechanics]`: motor, gear, screw and load that the emulated drive moves.
 
-    Args:
-        lead_screw_m: Travel per screw revolution, m.
-        gear_ratio: Motor revolutions per screw revolution.
-        motor_inertia_kgm2: kg m^2.
-        screw_inertia_kgm2: kg m^2.
-        load_mass_kg: kg.
-        viscous_friction: N per m/s.
-        coulomb_friction: N.
-        static_friction: N; None = as `coulomb_friction`.
-        gravity_force: N.
-        stops_m: Lower and upper end stop, m; None = none on that side.
-        stop_stiffness: N/m.
-        stop_damping: Ns/m.
-        position_m: Start position, m.
-        switches: Switches by input name: `negative_limit`, `positive_limit`, `home`, `probe1`, `probe2`.
-        backlash_m: Play between nut and slide, m.
+    Raises:
+        ConfigurationError: A value is out of its range, or values do not fit together.
 
     """
 
-    lead_screw_m: float = 0.010
-    gear_ratio: float = 1.0
-    motor_inertia_kgm2: float = 2.0e-4
-    screw_inertia_kgm2: float = 0.5e-4
-    load_mass_kg: float = 40.0
-    viscous_friction: float = 30.0
-    coulomb_friction: float = 30.0
-    static_friction: float | None = None
-    gravity_force: float = 0.0
-    stops_m: tuple[float | None, float | None] = (-0.6, 0.6)
-    stop_stiffness: float = 1e7
-    stop_damping: float = 2e4
-    position_m: float = 0.0
-    switches: Mapping[str, SwitchConfig] = field(default_factory=dict)
-    backlash_m: float = 0.0
+    __pydantic_config__: ClassVar = BENCH_FILE_TABLE
+
+    lead_screw_mm: Positive = 10.0
+    """Travel per revolution of the screw."""
+    gear_numerator: Annotated[int, Ge(1)] = 1
+    """Motor revolutions of the gear."""
+    gear_denominator: Annotated[int, Ge(1)] = 1
+    """Screw revolutions of the gear."""
+    load_mass_kg: NotNegative = 40.0
+    """Mass of the load."""
+    motor_inertia_kgm2: Positive = 2.0e-4
+    """Inertia of the motor."""
+    screw_inertia_kgm2: NotNegative = 0.5e-4
+    """Inertia of the screw."""
+    viscous_friction_n_per_m_s: NotNegative = 30.0
+    """Viscous friction."""
+    coulomb_friction_n: NotNegative = 30.0
+    """Sliding friction."""
+    static_friction_n: NotNegative | None = None
+    """Breakaway force at standstill; none: as the sliding friction; at least `coulomb_friction_n`."""
+    gravity_n: float = 0.0
+    """Constant force on the load in positive direction; a hanging load has a negative one."""
+    backlash_mm: NotNegative = 0.0
+    """Play between nut and slide, from one side to the other: motor and screw move so far without the load;
+    not with a stepper motor.
+    """
+    negative_stop_mm: float | None = -600.0
+    """Place of the lower end stop."""
+    positive_stop_mm: float | None = 600.0
+    """Place of the upper end stop; above `negative_stop_mm`."""
+    stop_stiffness_n_per_m: Positive = 1e7
+    """Spring of an end stop."""
+    stop_damping_n_per_m_s: NotNegative = 2e4
+    """Damper of an end stop."""
+    start_position_mm: float = 0.0
+    """Position of the load at the start."""
 
     def __post_init__(self) -> None:
-        self.build()
+        check_fields(self, "mechanics")
+        if self.static_friction_n is not None and self.static_friction_n < self.coulomb_friction_n:
+            raise ConfigurationError(
+                "static_friction_n",
+                self.static_friction_n,
+                f"at least coulomb_friction_n = {self.coulomb_friction_n:g}",
+            )
+        low, high = self.negative_stop_mm, self.positive_stop_mm
+        if low is not None and high is not None and not low < high:
+            raise ConfigurationError("positive_stop_mm", high, f"above negative_stop_mm = {low:g}")
+
+    @property
+    def gear_ratio(self) -> float:
+        """Motor revolutions per screw revolution."""
+        return self.gear_numerator / self.gear_denominator
 
     @property
     def load_at_motor_kgm2(self) -> float:
         """Moment of inertia of screw and slide as the motor sees it, kg m²."""
-        slide = self.load_mass_kg * (self.lead_screw_m / math.tau) ** 2
+        slide = self.load_mass_kg * (self.lead_screw_mm / 1000.0 / math.tau) ** 2
         return (self.screw_inertia_kgm2 + slide) / self.gear_ratio**2
 
-    def build(self) -> tuple[AxisMechanics, dict[str, SwitchModel]]:
-        """Return a new plant and its switches by input name."""
-        switches = _built_switches(self.switches)
-        mechanics = LinearAxisMechanics(
-            lead_screw_m=self.lead_screw_m,
+    def build(self, switches: Iterable[SwitchModel] = ()) -> AxisMechanics:
+        """Return a new plant, with switches on its travel."""
+        low, high = self.negative_stop_mm, self.positive_stop_mm
+        return LinearAxisMechanics(
+            lead_screw_m=self.lead_screw_mm / 1000.0,
             gear_ratio=self.gear_ratio,
             motor_inertia_kgm2=self.motor_inertia_kgm2,
             screw_inertia_kgm2=self.screw_inertia_kgm2,
             load_mass_kg=self.load_mass_kg,
-            viscous_friction=self.viscous_friction,
-            coulomb_friction=self.coulomb_friction,
-            static_friction=self.static_friction,
-            gravity_force=self.gravity_force,
-            lower_stop_m=self.stops_m[0],
-            upper_stop_m=self.stops_m[1],
-            stop_stiffness=self.stop_stiffness,
-            stop_damping=self.stop_damping,
-            position_m=self.position_m,
-            switches=switches.values(),
-            backlash_m=self.backlash_m,
+            viscous_friction=self.viscous_friction_n_per_m_s,
+            coulomb_friction=self.coulomb_friction_n,
+            static_friction=self.static_friction_n,
+            gravity_force=self.gravity_n,
+            lower_stop_m=None if low is None else low / 1000.0,
+            upper_stop_m=None if high is None else high / 1000.0,
+            stop_stiffness=self.stop_stiffness_n_per_m,
+            stop_damping=self.stop_damping_n_per_m_s,
+            position_m=self.start_position_mm / 1000.0,
+            switches=switches,
+            backlash_m=self.backlash_mm / 1000.0,
         )
-        return mechanics, switches
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class RotaryAxisConfig:
-    """Motor and gear with a turning load; see `emulators.mechanics.RotaryAxisMechanics` for the units.
+    """Motor and gear with a turning load, without switches; units as in `RotaryAxisMechanics`.
 
     Args:
         gear_ratio: Motor revolutions per load revolution.
@@ -143,7 +238,6 @@ class RotaryAxisConfig:
         load_torque: Nm.
         stops_rad: Lower and upper end stop, rad; None = none on that side.
         position_rad: Start position, rad.
-        switches: Switches by input name.
         backlash_rad: Play between gear and load, rad.
 
     """
@@ -157,7 +251,6 @@ class RotaryAxisConfig:
     load_torque: float = 0.0
     stops_rad: tuple[float | None, float | None] = (None, None)
     position_rad: float = 0.0
-    switches: Mapping[str, SwitchConfig] = field(default_factory=dict)
     backlash_rad: float = 0.0
 
     def __post_init__(self) -> None:
@@ -168,10 +261,9 @@ class RotaryAxisConfig:
         """Moment of inertia of the load as the motor sees it, kg m²."""
         return self.load_inertia_kgm2 / self.gear_ratio**2
 
-    def build(self) -> tuple[AxisMechanics, dict[str, SwitchModel]]:
-        """Return a new plant and its switches by input name."""
-        switches = _built_switches(self.switches)
-        mechanics = RotaryAxisMechanics(
+    def build(self, switches: Iterable[SwitchModel] = ()) -> AxisMechanics:
+        """Return a new plant, with switches on its travel."""
+        return RotaryAxisMechanics(
             gear_ratio=self.gear_ratio,
             motor_inertia_kgm2=self.motor_inertia_kgm2,
             load_inertia_kgm2=self.load_inertia_kgm2,
@@ -182,22 +274,23 @@ class RotaryAxisConfig:
             lower_stop_rad=self.stops_rad[0],
             upper_stop_rad=self.stops_rad[1],
             position_rad=self.position_rad,
-            switches=switches.values(),
+            switches=switches,
             backlash_rad=self.backlash_rad,
         )
-        return mechanics, switches
 
 
-def _built_switches(switches: Mapping[str, SwitchConfig]) -> dict[str, SwitchModel]:
-    """Return new switches by input name, in the order of the inputs."""
-    for name in switches:
-        if name not in INPUT_BITS:
-            raise ConfigurationError("switches", name, ", ".join(INPUT_BITS))
-    return {
-        name: switches[name].build() if name in switches else SwitchModel.unreached()
-        for name in INPUT_BITS
-        if name in switches or name in PROBE_INPUTS
-    }
+def build_machine(
+    mechanics: LinearAxisConfig | RotaryAxisConfig, switches: SwitchesConfig
+) -> tuple[AxisMechanics, dict[str, SwitchModel]]:
+    """Return a new plant and its switches by input name; a turning load has none but the probes.
+
+    Args:
+        mechanics: Motor, gear and load.
+        switches: Switches on the travel of a linear axis.
+
+    """
+    fitted = (switches if isinstance(mechanics, LinearAxisConfig) else NO_SWITCHES).build()
+    return mechanics.build(fitted.values()), fitted
 
 
 def check_number(where: str, value: float, *, positive: bool = False) -> None:
@@ -211,7 +304,7 @@ def check_number(where: str, value: float, *, positive: bool = False) -> None:
         raise ConfigurationError(where, value, "a finite number " + ("> 0" if positive else ">= 0"))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class EncoderConfig:
     """Motor encoder.
 
@@ -257,7 +350,7 @@ class EncoderConfig:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class BrakeConfig:
     """`[drive.NAME.brake]`: holding brake of the motor.
 
@@ -288,9 +381,9 @@ class BrakeConfig:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SafetyConfig:
-    """`[drive.NAME.safety]`: safety inputs of the drive (C402-030, C402-168).
+@dataclass(frozen=True, kw_only=True)
+class SafeStopConfig:
+    """Safe torque off and safe stop 1 of a drive of any profile.
 
     Raises:
         ConfigurationError: A value is out of its range.
@@ -301,14 +394,12 @@ class SafetyConfig:
 
     sto: Literal["inhibit", "fault"] = "inhibit"
     """Safe torque off leads to *Switch on disabled* with warning, or to a fault (FF80h, F30600)."""
-    ss1_time_ms: Annotated[float, Ge(1.0), Le(600_000.0)] = 500.0
+    ss1_time_ms: SafeTime_ms = 500.0
     """Safe stop 1: from the input to safe torque off."""
     ss1_monitored: bool = True
     """The ramp of safe stop 1 is watched (fault FF81h, F01600), and safe torque off follows at standstill;
     false: by time only.
     """
-    interlock: Literal["none", "inhibit", "quick_stop", "fault"] = "none"
-    """Input 60FDh bit 3: not wired; or what opening it does: torque off, quick stop, fault 9000h."""
 
     def __post_init__(self) -> None:
         check_fields(self, "safety")
@@ -317,3 +408,16 @@ class SafetyConfig:
     def ss1_time_s(self) -> float:
         """Time of safe stop 1, s."""
         return self.ss1_time_ms / 1000.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SafetyConfig(SafeStopConfig):
+    """`[drive.NAME.safety]`: safety inputs of a CiA 402 drive (C402-030, C402-168).
+
+    Raises:
+        ConfigurationError: A value is out of its range.
+
+    """
+
+    interlock: Literal["none", "inhibit", "quick_stop", "fault"] = "none"
+    """Input 60FDh bit 3: not wired; or what opening it does: torque off, quick stop, fault 9000h."""

@@ -24,28 +24,9 @@ class PowerStage:
         core: Whose torque heats.
         supply: DC link and mains.
         thermal: Temperatures and overload.
-        rated_torque_Nm: Torque that the motor bears for ever, Nm.
+        rated_torque_Nm: Torque that the motor can supply continuously, Nm.
 
     """
-
-    __slots__ = (
-        "_core",
-        "_left",
-        "_mechanics",
-        "_rated",
-        "_since_ns",
-        "_square",
-        "_work",
-        "dc_link",
-        "drawn_J",
-        "dt_s",
-        "motor",
-        "motor_overload",
-        "returned_J",
-        "stage",
-        "stage_overload",
-        "thermal",
-    )
 
     def __init__(
         self,

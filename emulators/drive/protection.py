@@ -11,8 +11,6 @@ class WindowTimer:
 
     """
 
-    __slots__ = ("_elapsed", "expired", "time_s")
-
     def __init__(self, time_s: float = 0.0) -> None:
         self.time_s = time_s
         self._elapsed = 0.0

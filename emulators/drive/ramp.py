@@ -83,8 +83,8 @@ def _plan(  # noqa: PLR0917 - the kinematic quantities in their usual order
     deceleration: float,
     end_velocity: float,
 ) -> list[tuple[float, float]]:
-    """Return (duration s, acceleration) segments over `distance`; see `PositionProfile.move` for the
-    units.
+    """Return (duration s, acceleration) segments over `distance`; see
+    `PositionProfile.move` for the units.
     """
     segments: list[tuple[float, float]] = []
     end = min(end_velocity, limit)
@@ -136,25 +136,6 @@ class PositionProfile:
 
     """
 
-    __slots__ = (
-        "_base_position",
-        "_base_velocity",
-        "_elapsed",
-        "_filter",
-        "_index",
-        "_raw_position",
-        "_raw_velocity",
-        "_segments",
-        "_shape",
-        "_step",
-        "_sum_position",
-        "_sum_velocity",
-        "position",
-        "raw_done",
-        "target",
-        "velocity",
-    )
-
     def __init__(self, *, step_s: float) -> None:
         if not step_s > 0.0:
             raise ConfigurationError("step_s", step_s, "> 0")
@@ -168,16 +149,16 @@ class PositionProfile:
         self._filter: deque[tuple[float, float]] = deque()
         self._sum_position = self._sum_velocity = 0.0
         self.position = 0.0
-        """Present set-point."""
+        """Present setpoint."""
         self.velocity = 0.0
-        """Present velocity of the set-point."""
+        """Present velocity of the setpoint."""
         self.target = 0.0
         self.raw_done = True
         """Whether the trapezoid has reached its target (the smoothed profile may still be on its way)."""
 
     @property
     def done(self) -> bool:
-        """Whether the set-point has reached the target."""
+        """Whether the setpoint has reached the target."""
         return self.raw_done and (not self._filter or (self.position == self.target and self.velocity == 0.0))
 
     def reset(self, position: float, velocity: float = 0.0) -> None:

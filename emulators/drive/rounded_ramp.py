@@ -29,13 +29,11 @@ class Rounding(NamedTuple):
 
 
 class RoundedRamp:
-    """Goes from one velocity to another; a ramp from standstill to v takes v / slope + initial / 2 + final /
-    2.
+    """Goes from one velocity to another; a ramp from standstill to v takes v /
+    slope + initial / 2 + final / 2.
 
     Where the velocity passes zero, one ramp ends and another one begins.
     """
-
-    __slots__ = ("_aim", "_elapsed", "_goal", "_length", "_plan", "_shape", "_start", "slope", "velocity")
 
     def __init__(self) -> None:
         self.velocity = 0.0

@@ -14,10 +14,11 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from emulators.drive.inputs import DigitalInputs
-from emulators.drive.machine import LinearAxisConfig, RotaryAxisConfig, check_number
+from emulators.drive.machine import LinearAxisConfig, RotaryAxisConfig, SwitchesConfig, build_machine
 from emulators.drive.profidrive.statemachine import AxisState
+from emulators.drive.pto_settings import PtoSettings
 from emulators.drive.tuning import RPM
-from emulators.io.tm_pto import PtoConfig, PtoModule, SignalType, StepperConfig, StepperMotor
+from emulators.io.tm_pto import PtoConfig, PtoModule, StepperConfig, StepperMotor
 from emulators.mechanics import AxisMechanics, SwitchModel
 from emulators.trace import LOAD, Column
 from fieldbus.clock import US, Scheduler, Timer, seconds_to_ns
@@ -28,21 +29,16 @@ _TAU: Final = 2.0 * math.pi
 _NUMBERS: Final = {state: number for number, state in enumerate(AxisState)}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class StepperDriveConfig:
     """Channel 0 of a module with its motor and machine; channel 1 has no motor.
 
     Args:
-        channel: Channel 0.
+        channel: Channel 0, with what its settings say of the motor.
         other: Channel 1.
-        mechanics: Machine: transmission, inertia, friction, end stops, switches. `home` is wired to RS,
-            `probe1` to MI.
-        full_steps: Full steps per revolution of the motor.
+        mechanics: Machine: transmission, inertia, friction, end stops.
+        switches: Switches on the travel of a linear axis. `home` is wired to RS, `probe1` to MI.
         holding_torque_Nm: Pull-out torque at low speed, Nm.
-        corner_hz: Full-step frequency above which the torque falls.
-        start_stop_hz: Full-step frequency at and below which a standing rotor is caught.
-        ready_delay_s: From ED to the ready signal DR of the power stage, s, >= 0.
-        watchdog_cycles: Bus cycles without a telegram until the channel stops.
         servo_period_ns: How often motor and machine are looked at, ns.
 
     Raises:
@@ -51,34 +47,32 @@ class StepperDriveConfig:
     """
 
     channel: PtoConfig = field(default_factory=PtoConfig)
-    other: PtoConfig = field(default_factory=PtoConfig)
+    other: PtoConfig = field(
+        default_factory=lambda: PtoConfig(settings=PtoSettings(use_ed=False, use_dr=False))
+    )
     mechanics: LinearAxisConfig | RotaryAxisConfig = field(
         default_factory=lambda: LinearAxisConfig(
             motor_inertia_kgm2=3e-5, screw_inertia_kgm2=1e-5, load_mass_kg=5.0
         )
     )
-    full_steps: int = 200
+    switches: SwitchesConfig = field(default_factory=SwitchesConfig)
     holding_torque_Nm: float = 2.0
-    corner_hz: float = 2000.0
-    start_stop_hz: float = 500.0
-    ready_delay_s: float = 0.0
-    watchdog_cycles: int = 3
     servo_period_ns: int = 250 * US
 
     def __post_init__(self) -> None:
-        check_number("stepper ready_delay_s", self.ready_delay_s)
         if self.servo_period_ns <= 0:
             raise ConfigurationError("stepper servo_period_ns", self.servo_period_ns, "> 0")
         self.motor(1.0)
 
     def motor(self, inertia: float) -> StepperConfig:
         """Return the motor with an inertia at its shaft, kg m^2."""
+        settings = self.channel.settings
         return StepperConfig(
             increments=self.channel.increments,
-            full_steps=self.full_steps,
+            full_steps=settings.full_steps,
             holding_torque=self.holding_torque_Nm,
-            corner_hz=self.corner_hz,
-            start_stop_hz=self.start_stop_hz,
+            corner_hz=settings.corner_hz,
+            start_stop_hz=settings.start_stop_hz,
             inertia=inertia,
             friction=0.0,
         )
@@ -90,8 +84,8 @@ def signal_output_config(
     """Return an encoder-signal output in the manner of the TM41 (CFG-409): speed setpoints become edges of
     two tracks at once.
 
-    It is a channel without ramp, terminals and motor, in the standard telegram 3; what turns is the encoder
-    signal.
+    It is a channel without ramp, terminals and motor, in the standard telegram 3;
+    what turns is the encoder signal.
 
     Args:
         increments: Edges per revolution.
@@ -103,20 +97,24 @@ def signal_output_config(
 
     """
     channel = PtoConfig(
-        signal_type=SignalType.AB_FOURFOLD,
+        settings=PtoSettings(
+            variant="standard",
+            signals="ab_fourfold",
+            reference_speed_rpm=reference_speed_rpm,
+            use_ed=False,
+            use_dr=False,
+            full_steps=4,
+        ),
         increments=increments,
-        reference_speed=reference_speed_rpm,
         maximum_speed=reference_speed_rpm,
         ramp_stop_ms=1,
         quick_stop_ms=1,
-        standard=True,
     )
     return StepperDriveConfig(
         channel=channel,
         mechanics=RotaryAxisConfig(
             motor_inertia_kgm2=1e-9, load_inertia_kgm2=0.0, coulomb_friction=0.0, viscous_friction=0.0
         ),
-        full_steps=4 if increments % 4 == 0 else increments,
         holding_torque_Nm=1e9,
         servo_period_ns=servo_period_ns,
     )
@@ -132,22 +130,6 @@ class StepperTravel:
 
     """
 
-    __slots__ = (
-        "_coulomb",
-        "_force",
-        "_gravity",
-        "_jammed",
-        "_lower",
-        "_motor",
-        "_start",
-        "_upper",
-        "_viscous",
-        "position",
-        "ratio",
-        "switches",
-        "velocity",
-    )
-
     def __init__(
         self,
         config: LinearAxisConfig | RotaryAxisConfig,
@@ -158,8 +140,12 @@ class StepperTravel:
         self.ratio: Final = plant.ratio
         """Load units per radian of the shaft."""
         self._start = plant.position
-        self._coulomb, self._viscous = config.coulomb_friction, config.viscous_friction
-        self._gravity = config.gravity_force if isinstance(config, LinearAxisConfig) else config.load_torque
+        if isinstance(config, LinearAxisConfig):
+            self._coulomb, self._viscous = config.coulomb_friction_n, config.viscous_friction_n_per_m_s
+            self._gravity = config.gravity_n
+        else:
+            self._coulomb, self._viscous = config.coulomb_friction, config.viscous_friction
+            self._gravity = config.load_torque
         self._force = 0.0
         self._jammed = False
         self._lower, self._upper = plant.stops
@@ -175,6 +161,11 @@ class StepperTravel:
     def motor_speed(self) -> float:
         """Speed of the shaft, rad/s."""
         return self.velocity / self.ratio
+
+    @property
+    def motor_angle(self) -> float:
+        """True angle of the shaft, rad; zero where the load is at zero."""
+        return self.position / self.ratio
 
     def jam(self, jammed: bool) -> None:
         """Block the shaft, or release it."""
@@ -253,13 +244,13 @@ class StepperDrive:
         self.name = name
         self.config = config
         self.module = PtoModule(
-            scheduler, (config.channel, config.other), watchdog_cycles=config.watchdog_cycles
+            scheduler, (config.channel, config.other), watchdog_cycles=config.channel.settings.watchdog_cycles
         )
         self.channel = self.module.channels[0]
-        plant, self.switches = config.mechanics.build()
+        plant, self.switches = build_machine(config.mechanics, config.switches)
         self.motor = StepperMotor(self.channel.generator, config.motor(plant.motor_inertia))
         self.mechanics = StepperTravel(config.mechanics, plant, self.motor)
-        self.digital_inputs = DigitalInputs(scheduler, self.switches, filter_s=0.0)
+        self.digital_inputs = DigitalInputs(scheduler, self.switches, filter_s=config.switches.input_filter_s)
         self.digital_inputs.on_change = self._on_inputs
         self.digital_inputs.on_probe = self._on_probe
         self.on_inputs: Callable[[], object] | None = None
@@ -269,6 +260,7 @@ class StepperDrive:
         self._enabled = False
         self._ready: bool | None = None
         self._ready_timer: Timer | None = None
+        self._ready_delay_ns = seconds_to_ns(config.channel.settings.ready_delay_ms / 1000.0)
         self._stalled = False
         self._fault = False
         scheduler.every(config.servo_period_ns, self._step)
@@ -289,22 +281,20 @@ class StepperDrive:
     def _power_stage(self, enabled: bool) -> None:
         """Let the power stage follow ED: current in the windings, and its ready signal."""
         self._enabled = enabled
-        if not self.config.channel.use_ed:
+        if not self.config.channel.settings.use_ed:
             return
         self.motor.energised = enabled
         if self._ready_timer is not None:
             self._ready_timer.cancel()
             self._ready_timer = None
-        if enabled and self.config.ready_delay_s:
-            self._ready_timer = self._scheduler.after(
-                seconds_to_ns(self.config.ready_delay_s), self._set_ready
-            )
+        if enabled and self._ready_delay_ns:
+            self._ready_timer = self._scheduler.after(self._ready_delay_ns, self._set_ready)
         else:
             self._set_ready()
 
     def _set_ready(self) -> None:
         self._ready_timer = None
-        level = self._enabled or not self.config.channel.use_ed
+        level = self._enabled or not self.config.channel.settings.use_ed
         self.channel.drive_input("DR", level if self._ready is None else self._ready)
 
     def force_ready(self, level: bool | None) -> None:
@@ -320,7 +310,7 @@ class StepperDrive:
     def restart(self) -> None:
         """Begin as after power-on."""
         self.channel.restart()
-        self.motor.energised = not self.config.channel.use_ed
+        self.motor.energised = not self.config.channel.settings.use_ed
         self._enabled = False
         self._set_ready()
         self.digital_inputs.read()
@@ -354,8 +344,8 @@ class StepperDrive:
                 self.emit("drive.fault_acknowledged")
 
     def trace_row(self) -> tuple[float, ...]:
-        """Return the present values; position, velocity and speed are those of the true shaft and load
-        (STP-550).
+        """Return the present values; position, velocity and speed are those of the
+        true shaft and load (STP-550).
         """
         mechanics, motor = self.mechanics, self.motor
         _, stw1, zsw1, setpoint, speed, g1_stw, g1_zsw, enable, count = self.channel.trace_row()

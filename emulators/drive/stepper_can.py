@@ -2,7 +2,7 @@
 PDOs, latched by SYNC.
 
 The node shows the objects of the PROFIdrive axis, of which it uses the process data words, the digital inputs
-and the fault number. When SYNC stays away the module goes on with its own clock, so that its watchdog sees
+and the fault number. When SYNC is missing the module continues with its own clock, so that its watchdog sees
 that no controller leads it any more.
 """
 
@@ -34,7 +34,7 @@ _OWN_CLOCK_PRIORITY: Final = 2
 _COLUMNS: Final = (*COLUMNS, NMT_STATE)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class StepperNodeConfig:
     """A pulse module on CANopen.
 
@@ -75,17 +75,6 @@ class StepperCanDrive(EmulatedDrive):
 
     """
 
-    __slots__ = (
-        "_sync_ns",
-        "_words",
-        "config",
-        "drive",
-        "mechanics",
-        "node",
-        "slave",
-        "trace_columns",
-    )
-
     trace_enums: ClassVar = value_texts(_COLUMNS)
 
     def __init__(
@@ -121,7 +110,9 @@ class StepperCanDrive(EmulatedDrive):
             boot_time_s=config.boot_time_s,
         )
         self.slave = slave = self.node.slave
-        self._words = ProcessWords(slave, telegram(3) if config.drive.channel.standard else pto_telegram())
+        self._words = ProcessWords(
+            slave, telegram(3) if config.drive.channel.settings.standard else pto_telegram()
+        )
         self._sync_ns = 0
         unit = "m" if isinstance(config.drive.mechanics, LinearAxisConfig) else "rad"
         self.trace_columns = names_and_units(_COLUMNS, unit)
@@ -174,7 +165,7 @@ class StepperCanDrive(EmulatedDrive):
 
     def _on_communication_error(self, reason: str) -> None:
         """A controller that is gone is one that has stopped (PTO-204); a frame of one that is back is needed
-        to go on.
+        to continue.
         """
         self.drive.emit("drive.communication_lost", reason=reason)
         self.drive.channel.stop_controller(True)
@@ -212,8 +203,8 @@ class StepperCanDrive(EmulatedDrive):
     # -- faults ----------------------------------------------------------------------------------------
 
     def short_outputs(self, present: bool, channel: int = 0) -> None:
-        """Bring about a short circuit at the outputs of a channel, or remove it: both channels stop
-        (PTO-207).
+        """Bring about a short circuit at the outputs of a channel, or remove
+        it: both channels stop (PTO-207).
         """
         self.drive.module.short_circuit(channel, present)
         self._show_inputs()
@@ -250,7 +241,7 @@ class StepperCanDrive(EmulatedDrive):
         self.drive.lose_steps(periods)
 
     def raise_fault(self, code: int = 1, *, persistent: bool = False) -> None:
-        """Raise the only fault that there is: an error of a digital output, whatever the number.
+        """Raise the only fault: an error of a digital output, whatever the number.
 
         Args:
             code: Not used; 1 is shown.

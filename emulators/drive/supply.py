@@ -20,7 +20,7 @@ from fieldbus.errors import ConfigurationError
 Voltage = Annotated[float, Ge(1.0), Le(5000.0)]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class SupplyConfig:
     """`[drive.NAME.supply]`: DC link of the drive.
 
@@ -85,22 +85,6 @@ class DcLink:
 
     """
 
-    __slots__ = (
-        "_capacitance_F",
-        "_charging_time_s",
-        "chopper_failed",
-        "chopper_load",
-        "chopper_overloaded",
-        "chopper_power_W",
-        "chopping",
-        "config",
-        "forced_V",
-        "mains_on",
-        "mains_share",
-        "phase_missing",
-        "voltage_V",
-    )
-
     def __init__(self, config: SupplyConfig | None = None) -> None:
         self.config = SupplyConfig() if config is None else config
         self._capacitance_F = self.config.capacitance_uf * 1e-6
@@ -117,7 +101,7 @@ class DcLink:
         self.chopper_failed = False
         """The chopper does not conduct any more."""
         self.chopper_load = 0.0
-        """Thermal utilisation of the brake resistor, 1 = what it bears for ever."""
+        """Thermal utilisation of the brake resistor, 1 = its continuous power."""
         self.chopper_overloaded = False
         """The resistor got too hot: the chopper is switched off until the utilisation is below 0.8."""
         self.chopper_power_W = 0.0

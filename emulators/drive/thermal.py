@@ -20,7 +20,7 @@ Rise = Annotated[float, Ge(0.1), Le(1000.0)]
 Temperature = Annotated[float, Ge(-60.0), Le(400.0)]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ThermalConfig:
     """`[drive.NAME.thermal]`: heat of motor and power stage.
 
@@ -78,13 +78,11 @@ class ThermalModel:
     """First-order i2t model of the motor: utilisation 1 is what rated torque leads to in the long run.
 
     Args:
-        rated_torque_Nm: Torque that the motor bears for ever, Nm, > 0.
+        rated_torque_Nm: Torque that the motor can supply continuously, Nm, > 0.
         time_constant_s: Thermal time constant, s, > 0.
-        trip: Utilisation at which the protection trips, > 1 lets rated torque run for ever.
+        trip: Utilisation at which the protection trips, > 1 permits rated torque continuously.
 
     """
-
-    __slots__ = ("_decay", "_dt_s", "_inverse_rated", "_rate", "trip", "utilisation")
 
     def __init__(self, *, rated_torque_Nm: float, time_constant_s: float = 40.0, trip: float = 1.05) -> None:
         if not rated_torque_Nm > 0.0:
@@ -104,8 +102,8 @@ class ThermalModel:
         return self.advance(torque_Nm * torque_Nm, dt_s)
 
     def advance(self, mean_square: float, dt_s: float) -> bool:
-        """Advance by `dt_s` with the mean of the squared torque, Nm^2; returns whether the protection
-        trips.
+        """Advance by `dt_s` with the mean of the squared torque, Nm^2;
+        returns whether the protection trips.
         """
         load = mean_square * self._inverse_rated * self._inverse_rated
         if dt_s != self._dt_s:
@@ -126,7 +124,7 @@ class ThermalModel:
 
     @property
     def recovered(self) -> bool:
-        """Whether the utilisation is back at what is borne for ever."""
+        """Whether the utilisation is back at the continuous level."""
         return self.utilisation <= 1.0
 
 
@@ -141,10 +139,6 @@ class ThermalNode:
         fault_C: Fault from here on.
 
     """
-
-    __slots__ = (
-        "_decay", "_dt_s", "_rate", "ambient_C", "fault_C", "forced_C", "rise_K", "rise_now_K", "warning_C",
-    )  # fmt: skip
 
     def __init__(
         self, *, rise_K: float, time_constant_s: float, ambient_C: float, warning_C: float, fault_C: float

@@ -12,7 +12,7 @@ RPM: Final = 2.0 * math.pi / 60.0
 """rad/s of one revolution per minute."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ServoTuning:
     """Gains of the cascade.
 
@@ -22,7 +22,7 @@ class ServoTuning:
         position_gain: Kv, 1/s; stable up to about 1 / (4 * T_vtc).
         velocity_feedforward: Share of the demanded velocity that bypasses the position controller, 0..1.
         torque_feedforward: Whether the inertia's torque is pre-controlled.
-        inertia_kgm2: Inertia that the drive reckons with, kg m^2; None = the true one.
+        inertia_kgm2: Inertia that the drive assumes, kg m^2; None = the true one.
         current_time_constant_s: First-order lag of the current loop, s; 0 = ideal.
         standstill_speed_rpm: Speed below which the axis counts as standing, rpm.
         standstill_time_s: How long it has to stay below, s.

@@ -39,33 +39,6 @@ class RotaryEncoder:
 
     """
 
-    __slots__ = (
-        "_anchor",
-        "_armed",
-        "_counts",
-        "_factor",
-        "_frozen",
-        "_inc_per_rad",
-        "_interpolated",
-        "_listeners",
-        "_loss_every",
-        "_loss_start",
-        "_lost",
-        "_noise",
-        "_noise_now",
-        "_offset",
-        "_offset_increments",
-        "_plain",
-        "_rad_per_inc",
-        "_raw",
-        "_rng",
-        "_sign",
-        "_true",
-        "_zero_mark",
-        "latched_increments",
-        "zero_mark_present",
-    )
-
     def __init__(
         self,
         *,
@@ -129,8 +102,8 @@ class RotaryEncoder:
         return self._raw + self._offset + self._noise_now * self._rad_per_inc
 
     def sample(self, shaft_angle: float) -> float:
-        """Take over the angle of the shaft (rad) and return the measured angle, rad, continuous over
-        turns.
+        """Take over the angle of the shaft (rad) and return the measured
+        angle, rad, continuous over turns.
         """
         if self._plain:
             self._raw = raw = shaft_angle * self._sign
@@ -149,8 +122,8 @@ class RotaryEncoder:
     # -- zero mark -------------------------------------------------------------------------------------------
 
     def arm_zero_mark(self, armed: bool = True) -> None:
-        """Latch the exact position of the next zero mark into `latched_increments`, or stop waiting for
-        it.
+        """Latch the exact position of the next zero mark into
+        `latched_increments`, or stop waiting for it.
         """
         self._armed = armed
         if armed:
@@ -158,8 +131,8 @@ class RotaryEncoder:
         self._settle()
 
     def watch_zero_mark(self, listener: ZeroMarkListener) -> None:
-        """Call `listener` at every zero mark from now on, within the sample that finds it; once is enough to
-        ask.
+        """Call `listener` at every zero mark from now on, within the sample that
+        finds it; once is enough to ask.
         """
         if listener not in self._listeners:
             self._listeners = (*self._listeners, listener)
@@ -171,8 +144,8 @@ class RotaryEncoder:
         self._settle()
 
     def increments_at(self, shaft_angle: float) -> int:
-        """Return what a latch holds that is triggered while the shaft stands at an angle (rad),
-        increments.
+        """Return what a latch holds that is triggered while the shaft stands
+        at an angle (rad), increments.
         """
         raw = self._raw if self._frozen else self._scaled(shaft_angle * self._sign)
         return math.floor(raw * self._inc_per_rad + 0.5) + self._offset_increments + self._noise_now
@@ -197,8 +170,8 @@ class RotaryEncoder:
         """Disturb every sample by -amplitude..+amplitude increments, evenly distributed; 0 = off.
 
         Raises:
-            ConfigurationError: The amplitude is negative, or the encoder was built without a random
-                generator.
+            ConfigurationError: The amplitude is negative, or the encoder was
+                built without a random generator.
 
         """
         if amplitude_increments < 0:
@@ -213,8 +186,8 @@ class RotaryEncoder:
         self._settle()
 
     def scale(self, factor: float) -> None:
-        """Count `factor` times what the shaft moves from now on (a wrong disc, a wrong ratio); 1 = rightly
-        again.
+        """Count `factor` times what the shaft moves from now on (a wrong disc, a
+        wrong ratio); 1 = rightly again.
 
         What was counted wrongly stays.
 
@@ -254,8 +227,8 @@ class RotaryEncoder:
             self.scale(factor)
 
     def lose_steps(self, every: int) -> None:
-        """Miss one of `every` increments that the shaft moves from now on (a dirty disc); 0 = count all
-        again.
+        """Miss one of `every` increments that the shaft moves from now on (a
+        dirty disc); 0 = count all again.
 
         What was missed stays missed.
 
@@ -330,8 +303,6 @@ class RotaryEncoder:
 class IncrementalEncoder(RotaryEncoder):
     """Counts from zero at power-on; has a zero mark once per revolution."""
 
-    __slots__ = ()
-
     def _initial_offset(self, raw_increments: int) -> int:
         return -raw_increments
 
@@ -349,8 +320,6 @@ class AbsoluteEncoder(RotaryEncoder):
         rng: See there.
 
     """
-
-    __slots__ = ("_mounting", "_turns")
 
     def __init__(
         self,

@@ -25,8 +25,6 @@ class Mounting:
 
     """
 
-    __slots__ = ("_backlash", "_coupled", "_offset", "_ratio", "_source")
-
     def __init__(
         self,
         source: Callable[[], float],

@@ -15,8 +15,6 @@ class OwnShaft:
 
     """
 
-    __slots__ = ("_name", "shaft")
-
     def __init__(self, name: str, shaft: DrivenShaft | None) -> None:
         self._name = name
         self.shaft = shaft

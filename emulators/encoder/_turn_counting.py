@@ -23,8 +23,6 @@ class TurnCountingEncoder(RotaryEncoder):
 
     """
 
-    __slots__ = ("_counted", "_mounting", "_supplied")
-
     def __init__(
         self,
         *,
@@ -39,8 +37,8 @@ class TurnCountingEncoder(RotaryEncoder):
         self._set_offset(self._mounting)
 
     def power_on(self, shaft_angle: float) -> None:
-        """Start up at the shaft angle (rad) with the turn that was counted last; a restart under supply loses
-        nothing.
+        """Start up at the shaft angle (rad) with the turn that was counted last; a
+        restart under supply loses nothing.
         """
         if self._supplied:
             self._counted = self.increments

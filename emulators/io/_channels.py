@@ -26,8 +26,6 @@ _LONGEST_FILTER_MS: Final = 1000.0
 class _DigitalChannel(ABC):
     """A digital channel, its terminal and the wire at it."""
 
-    __slots__ = ("_broken", "_stuck")
-
     def __init__(self) -> None:
         self._stuck: bool | None = None
         self._broken = False
@@ -55,8 +53,6 @@ class DigitalInput(_DigitalChannel):
         filter_ms: Filter time, ms, 0..1000; 0 for none.
 
     """
-
-    __slots__ = ("_filter_ns", "_scheduler", "_timer", "raw", "value")
 
     def __init__(self, scheduler: Scheduler, filter_ms: float = 3.0) -> None:
         if not 0 <= filter_ms <= _LONGEST_FILTER_MS:
@@ -109,8 +105,6 @@ class DigitalOutput(_DigitalChannel):
 
     """
 
-    __slots__ = ("level", "on_change", "substitute", "value")
-
     def __init__(
         self, on_change: Callable[[bool], object] | None = None, *, substitute: bool | None = False
     ) -> None:
@@ -143,8 +137,6 @@ class Disturbance:
         rng: Source of the noise; None: the channel cannot be made noisy.
 
     """
-
-    __slots__ = ("_rng", "broken", "gain", "noise", "offset", "stuck")
 
     def __init__(self, rng: np.random.Generator | None = None) -> None:
         self._rng = rng
@@ -192,19 +184,6 @@ class AnalogInput:
         rng: Source of noise, for faults.
 
     """
-
-    __slots__ = (
-        "_high",
-        "_low",
-        "_scheduler",
-        "_shown",
-        "_since_ns",
-        "_target",
-        "_tau_ns",
-        "_wire_break",
-        "bipolar",
-        "disturbance",
-    )
 
     def __init__(
         self,
@@ -266,8 +245,8 @@ class AnalogInput:
 
     @property
     def word(self) -> int:
-        """The value for the bus: 27648 is the end of the range; 32767 and -32768 are overflow and
-        underflow.
+        """The value for the bus: 27648 is the end of the range; 32767 and
+        -32768 are overflow and underflow.
         """
         if self.wire_broken:
             return _OVERFLOW
@@ -290,8 +269,6 @@ class AnalogOutput:
         rng: Source of noise, for faults.
 
     """
-
-    __slots__ = ("_high", "_low", "disturbance", "on_change", "substitute", "word")
 
     def __init__(
         self,
@@ -344,8 +321,6 @@ class CounterInput:
 
     """
 
-    __slots__ = ("_broken", "_held", "_read", "_start", "_stuck")
-
     def __init__(self, read: Callable[[], int] | None = None) -> None:
         self._read = read
         self._start = 0
@@ -366,7 +341,7 @@ class CounterInput:
         return (value + 0x8000_0000 & 0xFFFF_FFFF) - 0x8000_0000
 
     def set(self, count: int) -> None:
-        """Let the counter go on from a value."""
+        """Let the counter continue from a value."""
         self._start += count - self.count
 
     def restart(self) -> None:
@@ -374,7 +349,7 @@ class CounterInput:
         self.set(0)
 
     def hold(self, stuck: bool) -> None:
-        """Let the count stand still; or go on from there: what has passed meanwhile is lost."""
+        """Let the count stand still; or continue from there: what has passed meanwhile is lost."""
         self._stuck = stuck
         self._settle()
 

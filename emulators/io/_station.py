@@ -21,8 +21,8 @@ KINDS: Final = ("input", "output", "analog_input", "analog_output", "counter")
 
 
 class ModbusIoStation:
-    """A station whose channels stand from address 0 on, each kind in its area, and together in a process
-    image.
+    """A station whose channels stand from address 0 on, each kind in its area,
+    and together in a process image.
 
     Digital inputs are discrete inputs, digital outputs coils, analog inputs input registers, analog outputs
     holding registers. `fieldbus.modbus.io_image` says where inputs (counters too) and outputs stand as one
@@ -87,7 +87,7 @@ class ModbusIoStation:
             analog_outputs=len(self.analog_outputs),
             counters=len(self.counters),
         )
-        """Where the channels stand in holding registers."""
+        """Where the channels are in holding registers."""
         registers = RegisterMap("I/O station")
         for area, channels in (
             (Area.DISCRETE_INPUTS, self.digital_inputs),
@@ -201,8 +201,8 @@ class ModbusIoStation:
                 counter.restart()
 
     def hold(self, kind: str, number: int, value: float | None) -> None:
-        """Let a channel stand at a value, a level or a quantity in its unit, whatever comes; None: it works
-        again.
+        """Let a channel stand at a value, a level or a quantity in its unit,
+        whatever comes; None: it works again.
         """
         channel = self._wired(kind, number)
         if kind in ("input", "output"):

@@ -1,19 +1,19 @@
-"""An axis: motor, gear, lead screw and load as one inertia, with friction, end stops, load force and
-switches.
+"""An axis: motor, gear, lead screw and load as one inertia, with friction, end
+stops, load force and switches.
 
-The model is one degree of freedom in the coordinate of the load (m or rad, called *load unit* below). Per
-step:
+The model is one degree of freedom in the coordinate of the load (m or rad,
+called *load unit* below). Per step:
 
 * The linear part (inertia, viscous friction, a constant force) is advanced by the trapezoidal rule, which
   is stable for every step and exact for a constant force without viscous friction.
 * Coulomb friction is a bound on the momentum that friction can take away in one step: where it suffices to
   stop the load, the load stands exactly still. There is no threshold speed, hence neither creep nor chatter.
-* The end stops are stiff springs with dampers; in contact the step is implicit Euler, stable at any
-  stiffness.
+* The end stops are stiff springs with dampers; in contact the step is implicit
+  Euler, stable at any stiffness.
 
 With backlash, or a broken coupling, motor and load are two bodies: `_step_parted`. Within the play each moves
-by itself; where its end is reached they collide without bouncing, and go on as one body for as long as they
-press against each other. A broken coupling is a play without end.
+by itself; where its end is reached they collide without bouncing, and continue as one body for as long as
+they press against each other. A broken coupling is a play without end.
 
 The common case costs one comparison against the *quiet range*: the interval of positions in which no switch
 changes and no end stop is touched.
@@ -147,7 +147,7 @@ class AxisMechanics:
         self._extra_friction = 0.0
         self._motor_share = checked_share(motor_share)
         self._free_speed = 0.0
-        # Half of the play, how far it is to become, and how fast; where the motor stands in it, seen from the
+        # Half of the play, how far it is to become, and how fast; where the motor is in it, seen from the
         # load.
         self._play = self._worn_play = self._own_play = 0.5 * checked("backlash", backlash, minimum=0.0)
         self._wear = self._gap = 0.0
@@ -204,20 +204,9 @@ class AxisMechanics:
         self._brake = checked("torque_Nm", torque_Nm, minimum=0.0) * self._force_per_torque
         self._refresh_forces()
 
-    def set_friction(
-        self, *, coulomb: float, static: float | None = None, viscous: float | None = None
-    ) -> None:
-        """Change the friction at runtime: N or Nm, N or Nm, N per m/s or Nm per rad/s; all >= 0."""
-        self._coulomb = checked("coulomb", coulomb, minimum=0.0)
-        self._static = checked("static", coulomb if static is None else static, minimum=self._coulomb)
-        if viscous is not None:
-            self._viscous = checked("viscous", viscous, minimum=0.0)
-        self._dt = 0.0
-        self._refresh_forces()
-
     def set_added_friction(self, force: float) -> None:
-        """Add dry friction to that of the load, N or Nm, >= 0: bearings or ways that have gone bad; 0 = as
-        new.
+        """Add dry friction to that of the load, N or Nm, >= 0: bearings or ways
+        that have gone bad; 0 = as new.
         """
         self._extra_friction = checked("force", force, minimum=0.0)
         self._refresh_forces()
@@ -285,8 +274,8 @@ class AxisMechanics:
         self._part(math.inf)
 
     def set_added_backlash(self, backlash: float, growth_s: float = 0.0) -> None:
-        """Let the play between motor and load grow by `backlash` (load unit) within a time; 0 = as it was
-        built.
+        """Let the play between motor and load grow by `backlash` (load unit)
+        within a time; 0 = as it was built.
 
         A repaired coupling draws the load to where the motor is.
 
@@ -418,8 +407,8 @@ class AxisMechanics:
     def _step_together(
         self, force: float, velocity: float, position: float, share: float
     ) -> tuple[float, float]:
-        """Return position and velocity of the load after a share of a step in which motor and load are one
-        body.
+        """Return position and velocity of the load after a share of a step in
+        which motor and load are one body.
         """
         holding = self._static + self._brake + self._extra_friction
         if self._jammed or (velocity == 0.0 and abs(force) <= holding and not self.in_contact):

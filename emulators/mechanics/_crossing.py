@@ -1,5 +1,5 @@
-"""Where a body was between two steps, and when it passed a place: the velocity changes linearly within a
-step.
+"""Where a body was between two steps, and when it passed a place: the velocity
+changes linearly within a step.
 """
 
 from __future__ import annotations

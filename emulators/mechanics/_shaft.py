@@ -20,16 +20,6 @@ class DrivenShaft:
 
     """
 
-    __slots__ = (
-        "_index",
-        "_profile",
-        "_repeat",
-        "_scheduler",
-        "_start_ns",
-        "_start_position",
-        "_start_velocity",
-    )
-
     def __init__(self, scheduler: Scheduler, *, position: float = 0.0) -> None:
         self._scheduler = scheduler
         self._start_ns = scheduler.now

@@ -15,8 +15,8 @@ class SwitchModel:
     after the other. While `on_change` is called, `edge` says where the load has made the edge.
 
     Args:
-        low: Lower end of the actuated range, load unit (m or rad); -inf: actuated for everything below
-            `high`.
+        low: Lower end of the actuated range, load unit (m or rad); -inf:
+            actuated for everything below `high`.
         high: Upper end of the actuated range, load unit; +inf: actuated for everything above `low`.
         hysteresis: The load has to leave the range by this much before the switch falls back, load unit,
             >= 0.
@@ -27,20 +27,6 @@ class SwitchModel:
         ConfigurationError: The range is empty or unbounded on both sides, or the hysteresis is negative.
 
     """
-
-    __slots__ = (
-        "_above",
-        "_actuated",
-        "_forced",
-        "_inverted",
-        "edge",
-        "high",
-        "hysteresis",
-        "low",
-        "normally_closed",
-        "on_change",
-        "state",
-    )
 
     def __init__(
         self,

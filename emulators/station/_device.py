@@ -1,5 +1,5 @@
-"""A device that is nothing but its dictionary: communication as CiA 301 says, plain storage behind the
-rest.
+"""A device that is nothing but its dictionary: communication as CiA 301 says,
+plain storage behind the rest.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from fieldbus.history import History
 
 
 class CanopenDevice:
-    """An I/O station, a gateway, an operator panel: any device whose EDS is there, without a behaviour of its
-    own.
+    """An I/O station, a gateway, an operator panel: any device whose EDS is there,
+    without a behaviour of its own.
 
     What is written stays written; what a test `set`s is what the bus reads, and event-driven TPDOs that map
     it are sent. Limits, access rights, PDO set and defaults are those of the EDS. It is off until `power_on`.
@@ -35,8 +35,6 @@ class CanopenDevice:
         ConfigurationError: The file is no EDS, or another argument cannot be used.
 
     """
-
-    __slots__ = ("name", "slave")
 
     def __init__(
         self,

@@ -2,8 +2,7 @@
 
 What is imported here does not import python-can. The modules that do, and cost its import time, are
 `fieldbus.can.interface` (python-can programs on a segment), `fieldbus.can.live` (a python-can bus as a
-segment) and
-`fieldbus.can.export` (log files).
+segment) and `fieldbus.can.export` (log files).
 """
 
 from fieldbus.can.bitstream import BitError

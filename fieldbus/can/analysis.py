@@ -1,8 +1,8 @@
-"""Figures about the traffic of a segment: load and worst-case response times ahead of time, jitter
-afterwards.
+"""Figures about the traffic of a segment: load and worst-case response times
+ahead of time, jitter afterwards.
 
-The calculations are those that a bus is laid out with; a test compares them with what the virtual segment
-does.
+The calculations are those that a bus is laid out with; a test compares them with
+what the virtual segment does.
 """
 
 from __future__ import annotations
@@ -55,15 +55,15 @@ class PeriodicFrame(NamedTuple):
 
 
 def worst_case_time_ns(frame: CanFrame, bitrate: int) -> int:
-    """Return the longest that a frame of this format and length can be, intermission included, ns
-    (CANP-016).
+    """Return the longest that a frame of this format and length can be,
+    intermission included, ns (CANP-016).
     """
     return worst_case_bits(len(frame.data), extended=frame.extended) * S // bitrate
 
 
 def planned_load(traffic: Iterable[PeriodicFrame], bitrate: int, *, exact: bool = False) -> float:
-    """Return the part of the time that `traffic` occupies the bus, 0..1 and above if it does not fit
-    (CANP-069).
+    """Return the part of the time that `traffic` occupies the bus, 0..1 and above
+    if it does not fit (CANP-069).
 
     Args:
         traffic: The frames.

@@ -30,8 +30,8 @@ from fieldbus.can.timing import INTERMISSION_BITS
 from fieldbus.clock import S, Scheduler
 
 COMMIT_PRIORITY: Final = 1000
-"""Rank of a bit, and of a start of frame that is an event, in its instant: after everything that may still
-send.
+"""Rank of a bit, and of a start of frame that is an event, in its instant: after
+everything that may still send.
 """
 
 
@@ -214,8 +214,8 @@ class BitLevel:
         self._forget_frame()
 
     def _begin_grid(self, origin_ns: int, free_ns: int, sender: MediumPort | None = None) -> None:
-        """Give every node, and `sender` in any case, a controller that expects a frame from `origin_ns`
-        on.
+        """Give every node, and `sender` in any case, a controller that
+        expects a frame from `origin_ns` on.
         """
         self._start_grid(origin_ns, 0)
         self._controllers = []
@@ -594,8 +594,8 @@ class BitLevel:
         self._note_sof()
 
     def frame_to_send(self, controller: Controller) -> Entry | None:
-        """Return the frame with which a node joins in; the SOF is another node's, so the hooks are not
-        asked.
+        """Return the frame with which a node joins in; the SOF is another
+        node's, so the hooks are not asked.
         """
         port = controller.port
         if not port.queue or not port.can_send:

@@ -1,5 +1,5 @@
-"""A classical CAN frame bit by bit: which field every bit of the wire belongs to, and which bits are stuff
-bits.
+"""A classical CAN frame bit by bit: which field every bit of the wire belongs to,
+and which bits are stuff bits.
 
 For what happens inside of a frame; the length alone is `fieldbus.can.timing.frame_bits`, which is faster.
 """
@@ -36,8 +36,8 @@ FIELDS: Final = (
     "sof", "id", "srr", "ide", "id_extension", "rtr", "reserved", "dlc", "data", "crc", "stuff",
     "crc_delimiter", "ack_slot", "ack_delimiter", "eof", "intermission",
 )  # fmt: skip
-"""The fields that a bit error can be aimed at, in the order of the wire; `stuff` counts the stuff bits
-(CANP-001..008).
+"""The fields that a bit error can be aimed at, in the order of the wire; `stuff` counts
+the stuff bits (CANP-001..008).
 """
 
 CRC_BITS: Final = 15
@@ -59,8 +59,8 @@ _EXTENDED_ENDS: Final = (
 
 
 class FrameImage:
-    """The bits of a frame on the wire, from SOF to the last bit of the stuffed region, and where its fields
-    are.
+    """The bits of a frame on the wire, from SOF to the last bit of the stuffed
+    region, and where its fields are.
 
     Args:
         frame: The frame.
@@ -100,8 +100,8 @@ class FrameImage:
         """Positions on the wire by field."""
         self.stuff: Final = frozenset(stuff)
         self.arbitration_end: Final = places["rtr"][0] + 1
-        """Number of bits from SOF to RTR: who reads dominant for recessive before it has lost the
-        arbitration.
+        """Number of bits from SOF to RTR: who reads dominant for recessive
+        before it has lost the arbitration.
         """
 
     def position(self, field: str, bit: int) -> int | None:

@@ -1,11 +1,11 @@
-"""One node's CAN controller bit by bit: what it sends, what it makes of what it reads, and its error
-counters.
+"""One node's CAN controller bit by bit: what it sends, what it makes of what it
+reads, and its error counters.
 
-The cyclic path of the segment does without: it computes good frames as a whole. Controllers run only while
-something is wrong on the wire, one step per bit, and know nothing of time, queues and logs, which are the
-business of their host. Each state of a controller is a method that takes the level of the present bit (0
-dominant, 1 recessive), sets what the node sends in the next one (`drive`) and chooses the next state
-(`step`).
+The cyclic path of the segment does without: it computes good frames as a whole. Controllers run only
+while something is wrong on the wire, one step per bit, and know nothing of time, queues and logs,
+which are the business of their host. Each state of a controller is a method that takes the level of
+the present bit (0 dominant, 1 recessive), sets what the node sends in the next one (`drive`) and
+chooses the next state (`step`).
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ class Host(Protocol):
         """Follow a SOF that the node has read without sending it."""
 
     def frame_to_send(self, controller: Controller) -> Entry | None:
-        """Return the frame with which the node joins in after a SOF in the intermission; None when it has
-        none.
+        """Return the frame with which the node joins in after a SOF in the
+        intermission; None when it has none.
         """
 
     def lost_arbitration(self, controller: Controller, entry: Entry) -> None:
@@ -58,8 +58,8 @@ class Host(Protocol):
         """Take back `entry`, which ended in an error."""
 
     def error_found(self, controller: Controller, code: ErrorCode, field: str, entry: Entry | None) -> None:
-        """Follow an error that the node has detected, while it was sending `entry`; the counters are up to
-        date.
+        """Follow an error that the node has detected, while it was sending
+        `entry`; the counters are up to date.
         """
 
     def counted(self, controller: Controller) -> None:
@@ -84,8 +84,8 @@ class Controller:
     Args:
         host: Follows what the node does.
         port: Holds counters and error state.
-        silent: Never sends unless it transmits a frame: no acknowledge, no flags, nothing is counted as
-            receiver.
+        silent: Never sends unless it transmits a frame: no acknowledge, no flags,
+            nothing is counted as receiver.
 
     """
 
@@ -133,8 +133,8 @@ class Controller:
         self.step = self.frame
 
     def _start_of_frame(self, entry: Entry | None) -> None:
-        """Take the dominant bit just read for SOF; a node with a frame joins in from the first identifier bit
-        on.
+        """Take the dominant bit just read for SOF; a node with a frame joins in
+        from the first identifier bit on.
         """
         self.host.frame_started(self)
         self._take(entry)

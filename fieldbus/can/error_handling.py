@@ -1,5 +1,5 @@
-"""Fault confinement of the nodes of a bus section: error states, recovery from bus-off, and the events about
-both.
+"""Fault confinement of the nodes of a bus section: error states, recovery from
+bus-off, and the events about both.
 """
 
 from __future__ import annotations
@@ -70,8 +70,8 @@ class ErrorHandling:
     # -- states
 
     def update_state(self, port: MediumPort, changes: list[StateChange]) -> None:
-        """Set the state of `port` by its counters, and add a change to `changes`; only recovery ends
-        bus-off.
+        """Set the state of `port` by its counters, and add a change to
+        `changes`; only recovery ends bus-off.
         """
         if port.state is not NodeState.BUS_OFF:
             self.change_state(port, state_of(port.tec, port.rec), changes)
@@ -144,8 +144,8 @@ class ErrorHandling:
             self.await_recovery(port)
 
     def await_recovery(self, port: MediumPort) -> None:
-        """Enter the time at which the bus, staying recessive, completes the sequences that are still
-        missing.
+        """Enter the time at which the bus, staying recessive, completes the
+        sequences that are still missing.
         """
         missing = (RECOVERY_SEQUENCES - port.recovery_count) * RECOVERY_SEQUENCE_BITS
         due = max(self.quiet_since_ns, port.recovery_from_ns) + missing * S // self._bitrate
@@ -161,8 +161,8 @@ class ErrorHandling:
             port.recovery_timer = None
 
     def count_quiet(self, ports: Iterable[MediumPort], start_ns: int, quiet_ns: int) -> None:
-        """Count the recessive sequences before the frame from `start_ns` to `quiet_ns`, where the next ones
-        start.
+        """Count the recessive sequences before the frame from `start_ns` to
+        `quiet_ns`, where the next ones start.
         """
         waiting = [port for port in ports if port.recovery_timer is not None]
         for port in waiting:

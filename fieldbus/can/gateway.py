@@ -51,7 +51,7 @@ _ATTRIBUTE: Final = struct.Struct("=HH")
 _FRAME_MOD: Final = struct.Struct("=IB3x8sB")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Modification:
     """One operation on the parts of a frame that are given."""
 
@@ -75,10 +75,10 @@ class Modification:
         return _FRAME_MOD.pack((self.can_id or 0) | flag, self.length or 0, data, kind)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class XorChecksum:
-    """A checksum over data bytes that is set right after a modification; negative indices count from the
-    end.
+    """A checksum over data bytes that is set right after a modification;
+    negative indices count from the end.
     """
 
     first: int
@@ -87,7 +87,7 @@ class XorChecksum:
     start: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class GatewayRule:
     """What is passed on from `source` to `destination`, and how it is changed on the way."""
 
@@ -131,7 +131,7 @@ class GatewayRule:
         return b"".join(parts)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RuleCount:
     """What the kernel says of a rule."""
 
@@ -178,8 +178,8 @@ class Gateway:
         """Add a rule.
 
         Raises:
-            BusError: An interface does not exist, the rule is wrong, or the right or the kernel module is
-                missing.
+            BusError: An interface does not exist, the rule is wrong, or the right
+                or the kernel module is missing.
 
         """
         self.exchange([], [rule])
@@ -189,8 +189,8 @@ class Gateway:
         self.exchange([rule], [])
 
     def exchange(self, old: Sequence[GatewayRule], new: Sequence[GatewayRule]) -> None:
-        """Take rules away and add others, in one call of the kernel, so that next to no frame falls in
-        between.
+        """Take rules away and add others, in one call of the kernel, so that
+        next to no frame falls in between.
 
         Raises:
             BusError: See `add`.

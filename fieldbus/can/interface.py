@@ -153,8 +153,8 @@ class HilBus(can.BusABC):
         self._cleanup.append(lambda: segment.bus_error_listeners.remove(on_error))
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Return the next message that passes the filters, or None after `timeout` seconds of the segment's
-        time.
+        """Return the next message that passes the filters, or None after `timeout`
+        seconds of the segment's time.
 
         Raises:
             can.CanOperationError: The bus is shut down; or without a time-out nothing can ever arrive,

@@ -93,8 +93,8 @@ class KernelBridge:
         return KernelTreatment(self, tuple(sources))
 
     def restore(self, sources: tuple[str, ...]) -> int:
-        """Pass everything on again; returns how many frames were changed, as far as the kernel counts
-        them.
+        """Pass everything on again; returns how many frames were changed, as
+        far as the kernel counts them.
         """
         changing = {rule.identity for source in sources for rule in self._present[source] if rule.identity}
         hits = sum(one.handled for one in self._gateway.counts() if one.identity in changing)

@@ -56,8 +56,8 @@ class LivePort:
         self.listen_only = listen_only
         self.confirm = confirm
         self.online = True
-        """False: the node neither sends nor receives. The adapter goes on acknowledging what is on the
-        bus.
+        """False: the node neither sends nor receives. The adapter continues
+        acknowledging what is on the bus.
         """
         self.detached = False
         self._submit = submit
@@ -111,7 +111,7 @@ class LiveSegment:
         close_bus: Whether `close` shuts the buses down.
         echo: Whether the bus gives own frames back, as UDP multicast does and others do with
             `receive_own_messages`: they are then taken out again. Default: by the kind of bus.
-        lossy: A frame that the bus refuses is lost without an exception, as for a device that goes on living
+        lossy: A frame that the bus refuses is lost without an exception, as for a device that keeps running
             while its bus is down or nobody acknowledges.
 
     Raises:
@@ -147,8 +147,8 @@ class LiveSegment:
         """The bridge of the kernel that this segment is on, if there is one."""
         self._reports = SideReports(name, history, bridged=bridge is not None)
         self.ignored = self._reports.ignored
-        """What came and was no classical frame: CAN FD frames, and what the driver could not read. One event
-        each.
+        """What came and was no classical frame: CAN FD frames, and what the driver
+        could not read. One event each.
         """
         self._keep_log = keep_log
         self._lossy = lossy

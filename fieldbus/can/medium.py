@@ -103,8 +103,8 @@ class CanMedium:
             tx_buffers: Frames that can wait for the bus (>= 1).
             auto_recovery: Leave bus-off without being asked (CANP-055).
             confirm: Called with every own frame that was sent successfully.
-            one_shot: Do not repeat a frame that loses the arbitration or ends in an error (event
-                `can.given_up`).
+            one_shot: Do not repeat a frame that loses the arbitration or ends in
+                an error (event `can.given_up`).
 
         Raises:
             BusError: The name is taken.
@@ -189,7 +189,7 @@ class CanMedium:
         self._near.follow_bits()
 
     def cut(self, names: Iterable[str]) -> Callable[[], None]:
-        """Break the cable: the nodes `names` go on among themselves, and so do the others (CANP-078).
+        """Break the cable: the nodes `names` continue among themselves, and so do the others (CANP-078).
 
         Frames of both sides are in the one log. Injected frames reach the near side only.
 
@@ -254,14 +254,14 @@ class CanMedium:
 
     @property
     def busy_bits(self) -> int:
-        """Bit times for which the bus was occupied since the segment exists, counted when a frame has
-        ended.
+        """Bit times for which the bus was occupied since the segment exists,
+        counted when a frame has ended.
         """
         return self._near.busy_bits
 
     def bus_load(self, window_ns: int | None = None) -> float:
-        """Return which part of the time the bus was occupied, 0..1; a frame in progress does not count
-        (CANP-069).
+        """Return which part of the time the bus was occupied, 0..1; a frame in
+        progress does not count (CANP-069).
 
         Args:
             window_ns: Length of time up to now (> 0); default: since the segment exists.

@@ -142,8 +142,8 @@ def _error(
 
 
 def read_error(message: can.Message) -> tuple[str, NodeState | None]:
-    """Return what an error frame says: the name of the error ("" = none, or not known) and the new state, if
-    any.
+    """Return what an error frame says: the name of the error ("" = none, or not
+    known) and the new state, if any.
     """
     error_class = message.arbitration_id
     data = bytes(message.data).ljust(8, b"\x00")

@@ -12,9 +12,9 @@ from fieldbus.clock import Scheduler, Timer
 from fieldbus.errors import BusError
 
 Entry = tuple[int, int, int, CanFrame, int, tuple[BitError, ...] | None]
-"""A frame waiting for the bus: arbitration key, sequence number, number of the copy, frame, bits, the bit
-errors of its next attempts (`NOT_ASKED` before the hooks have seen it). The first three give the order of the
-queue.
+"""A frame waiting for the bus: arbitration key, sequence number, number of the copy, frame,
+bits, the bit errors of its next attempts (`NOT_ASKED` before the hooks have seen it). The first
+three give the order of the queue.
 """
 
 NOT_ASKED: Final = None
@@ -80,10 +80,10 @@ class PortSection(Protocol):
 class MediumPort:
     """A port of a `CanMedium`; made by `CanMedium.attach`.
 
-    A frame that cannot be queued is lost without an exception, as in a CAN controller: because the port is
-    offline or bus-off, or because its transmit queue is full (`overruns`, event `can.overrun`). Going
-    offline, or into bus-off, empties the queue. Coming online resets the controller: its counters start at
-    zero.
+    A frame that cannot be queued is lost without an exception, as in a CAN controller: because the
+    port is offline or bus-off, or because its transmit queue is full (`overruns`, event
+    `can.overrun`). Going offline, or into bus-off, empties the queue. Coming online resets the
+    controller: its counters start at zero.
     """
 
     __slots__ = (

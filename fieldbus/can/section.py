@@ -1,10 +1,10 @@
 """A section of a CAN bus: nodes that hear each other, with whole frames on the cyclic path.
 
-One scheduler event per frame, at the end of its EOF. Who sends next is decided ahead of time, when the bus
-becomes free or the first frame is queued on an idle bus; until the very instant of the start of frame the
-decision is open, and a frame that is queued by then and ranks higher takes the place. So all frames of one
-instant take part in the arbitration whatever the order of the calls, and no event is needed for the
-intermission.
+One scheduler event per frame, at the end of its EOF. Who sends next is decided ahead of time, when
+the bus becomes free or the first frame is queued on an idle bus; until the very instant of the start
+of frame the decision is open, and a frame that is queued by then and ranks higher takes the place. So
+all frames of one instant take part in the arbitration whatever the order of the calls, and no event
+is needed for the intermission.
 
 With hooks installed the decision is not taken ahead but by an event at the start of the frame, after
 everything else of that instant, because a hook must see a frame once and only when it really goes out.
@@ -260,8 +260,8 @@ class BusSection:
             self._transmit(start, contenders[0], start)
 
     def _contend(self, earliest_ns: int) -> tuple[int, list[MediumPort]]:
-        """Return when the next frame can start, and the ports that then send the winning arbitration
-        field.
+        """Return when the next frame can start, and the ports that then send
+        the winning arbitration field.
         """
         start = earliest_ns
         while True:
@@ -575,8 +575,8 @@ class BusSection:
         errors.report(changes)
 
     def _only_repeats(self, sender: MediumPort, entry: Entry) -> bool:
-        """Return whether the next attempt is certainly this one again: nothing has come that would have to be
-        weighed.
+        """Return whether the next attempt is certainly this one again: nothing has come
+        that would have to be weighed.
 
         A node without a partner makes some ten thousand attempts a second. Queue, counters and state are the
         same after each.
@@ -843,8 +843,8 @@ class BusSection:
         self.bits.join_grid_of(bits)
 
     def rejoin(self, far: BusSection) -> None:
-        """Repair the cable: take the nodes of `far` back; what is on the wire on the two sides then
-        collides.
+        """Repair the cable: take the nodes of `far` back; what is on the wire
+        on the two sides then collides.
         """
         self._sequence = sequence = max(self._sequence, far.sequence)
         far.start_at(sequence, far.free_ns, far.errors.quiet_since_ns)

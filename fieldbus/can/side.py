@@ -29,8 +29,8 @@ _INTERFACES: Final = Path("/sys/class/net")
 FD_REASON: Final = "CAN FD messages are not supported: this is a classical CAN segment"
 
 _GARBLED: Final = (ValueError, IndexError, KeyError, TypeError)
-"""What python-can's drivers raise when they cannot make a message of what came, where others raise a
-`CanError`.
+"""What python-can's drivers raise when they cannot make a message of what came,
+where others raise a `CanError`.
 """
 
 
@@ -56,7 +56,7 @@ class BusSide:
     Args:
         bus: An open bus, that has no other reader.
         name: Sender of what comes from it, in logs and for hooks.
-        owner: Told of everything that comes.
+        owner: Gets everything that comes.
         clock: Time of the segment, ns; may be asked in any thread.
         echo: Whether own frames come back and are to be taken out again.
         close_bus: Whether `close` shuts the bus down.
@@ -80,8 +80,8 @@ class BusSide:
         self.send_failed = False
         """The last attempt to send has failed."""
         self.order = Lock()
-        """Held while it is decided whether a frame may overtake the scheduler's work; see
-        `LiveSegment.arrived`.
+        """Held while it is decided whether a frame may overtake the scheduler's
+        work; see `LiveSegment.arrived`.
         """
         self.pending = 0
         """Frames that wait for the scheduler."""
@@ -156,10 +156,10 @@ class BusSide:
     def _works_again(self, message: can.Message | None, failures: int) -> bool:
         """Return whether a quiet `recv` after `failures` of them means that the bus is back.
 
-        SocketCAN reports once that its interface is down and is silent from then on, up or down; frames that
-        had come before may still be read. So the interface itself is asked. Where there is none to ask,
-        silence is proof after a driver that has complained again and again, or after a frame that could be
-        sent.
+        SocketCAN reports once that its interface is down and is silent from then on, up or down;
+        frames that had come before may still be read. So the interface itself is asked. Where there
+        is none to ask, silence is proof after a driver that has complained again and again, or
+        after a frame that could be sent.
         """
         if self._flags is not None:
             try:
@@ -170,7 +170,7 @@ class BusSide:
 
     def _garbled(self, error: BaseException) -> None:
         self._owner.arrived_garbled(self, f"the driver cannot read what came: {error}", None)
-        if isinstance(error, UnicodeDecodeError):  # the driver for serial adapters would fail on it for ever
+        if isinstance(error, UnicodeDecodeError):  # the driver for serial adapters would fail on it forever
             flush = getattr(self.bus, "flush", None)
             if callable(flush):
                 flush()
@@ -233,8 +233,8 @@ class SideReports:
             self._history.emit(self._name, kind, port=side.name if self._bridged else "", **data)
 
     def error(self, side: BusSide, message: can.Message) -> str:
-        """Tell of an error frame; returns the word for the error, empty when it was a change of state
-        alone.
+        """Report an error frame; returns the word for the error, empty when
+        it was a change of state alone.
         """
         code, state = read_error(message)
         if not code and state is None:
@@ -300,4 +300,16 @@ def open_bus(name: str, interface: str, channel: object, options: dict[str, obje
     try:
         return can.Bus(interface=interface, channel=channel, **options)  # type: ignore[arg-type]
     except Exception as error:  # a NameError, for example, where a vendor's library is missing
-        raise BusError(f"{name}: {interface} {channel} cannot be opened: {error}") from error
+        reason = _reason(error, interface)
+        raise BusError(f"{name}: {interface} {channel} cannot be opened: {reason}") from error
+
+
+def _reason(error: Exception, interface: str) -> str:
+    """Return why a bus cannot be opened and, where SocketCAN is not there, what is everywhere."""
+    if interface != "socketcan" or not isinstance(error, OSError):
+        return str(error)
+    return (
+        f"{error.strerror or error}; there is no such SocketCAN interface here. Run the command under "
+        "`hil vcan --`, which makes one, or take interface `udp_multicast` with channel `239.74.163.2`, "
+        "which every machine has; `hil emulate --adapter slcan` needs neither"
+    )

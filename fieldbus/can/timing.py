@@ -71,8 +71,8 @@ def _build_crc_table() -> tuple[int, ...]:
 
 
 def _build_position_tables() -> list[tuple[int, ...]]:
-    """Return, by number of data bytes that follow, what a data byte adds to the checksum (which is
-    linear).
+    """Return, by number of data bytes that follow, what a data byte adds to
+    the checksum (which is linear).
     """
     tables = [_CRC]
     for _ in range(7):
@@ -96,8 +96,8 @@ def _header_bits(can_id: int, extended: bool, remote: bool, dlc: int) -> tuple[i
 
 @lru_cache(maxsize=4096)
 def _header(can_id: int, extended: bool, remote: bool, dlc: int) -> tuple[int, int, int, _StuffTable, int]:
-    """Return arbitration key, CRC after the header and that 8 zero bytes later, stuff table, bits without
-    data.
+    """Return arbitration key, CRC after the header and that 8 zero bytes later,
+    stuff table, bits without data.
     """
     limit = 0x1FFFFFFF if extended else 0x7FF
     if not 0 <= can_id <= limit:
@@ -174,8 +174,8 @@ def note_timing(frame: CanFrame) -> tuple[int, int]:
 
 
 class FrameMaker:
-    """Makes data frames with one 11-bit identifier, and the same frame again as long as the data are the
-    same.
+    """Makes data frames with one 11-bit identifier, and the same frame again as
+    long as the data are the same.
 
     Args:
         can_id: 0..7FFh.
@@ -184,8 +184,6 @@ class FrameMaker:
         BusError: The identifier is out of range.
 
     """
-
-    __slots__ = ("_bits", "_crc", "_key", "_stuff", "can_id", "last")
 
     def __init__(self, can_id: int) -> None:
         self.can_id: Final = can_id
@@ -204,8 +202,8 @@ class FrameMaker:
 
 
 def frame_bits(frame: CanFrame) -> int:
-    """Return the bits that `frame` occupies on the wire, from SOF to the third intermission bit (CANP-015,
-    -017).
+    """Return the bits that `frame` occupies on the wire, from SOF to the third
+    intermission bit (CANP-015, -017).
 
     Raises:
         BusError: Identifier, DLC or length of the data do not make a classical CAN frame.
@@ -215,8 +213,8 @@ def frame_bits(frame: CanFrame) -> int:
 
 
 def arbitration_key(frame: CanFrame) -> int:
-    """Return the arbitration field as a number: of two frames the one with the lower number wins (CANP-027,
-    -028).
+    """Return the arbitration field as a number: of two frames the one with the
+    lower number wins (CANP-027, -028).
 
     Raises:
         BusError: As `frame_bits`.
@@ -231,8 +229,8 @@ def frame_time_ns(frame: CanFrame, bitrate: int) -> int:
 
 
 def worst_case_bits(data_length: int, *, extended: bool = False) -> int:
-    """Return the longest that a frame with `data_length` bytes (0..8) can become, intermission included
-    (CANP-016).
+    """Return the longest that a frame with `data_length` bytes (0..8) can become,
+    intermission included (CANP-016).
     """
     if not 0 <= data_length <= 8:
         raise BusError(f"data length {data_length} is outside 0..8")
@@ -243,8 +241,8 @@ def worst_case_bits(data_length: int, *, extended: bool = False) -> int:
 def wire_bits(frame: CanFrame) -> list[int]:
     """Return the bits of `frame` as sent, 0 dominant, from SOF to the last bit of the stuffed region.
 
-    For what happens inside of a frame (collisions, errors); the length alone is `frame_bits`, which is
-    faster.
+    For what happens inside of a frame (collisions, errors); the length alone is
+    `frame_bits`, which is faster.
     """
     bits = frame_bits(frame)  # validates
     value, width = _header_bits(frame.can_id, frame.extended, frame.remote, frame.dlc)

@@ -1,9 +1,9 @@
-"""How a node is taken into service, as a script of SDO transfers (after CiA 302): what to ask, in which
-order.
+"""How a node is taken into service, as a script of SDO transfers (after CiA
+302): what to ask, in which order.
 
-`boot_script` is a generator: it yields the transfers that it needs and is sent the ended jobs. It knows
-neither bus nor time, so that it reads as the procedure that it is; `RemoteNode` runs it. What goes wrong is a
-`BootFailure`.
+`boot_script` is a generator: it yields the transfers that it needs and is sent the ended jobs. It
+knows neither bus nor time, so that it reads as the procedure that it is; `RemoteNode` runs it. What
+goes wrong is a `BootFailure`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class BootState(Enum):
     """Comparing entry by entry, writing what differs."""
     STORING = "storing"
     STARTING = "starting"
-    """Told to start; the first sign that it is Operational is still to come."""
+    """The start command is out; the node has not yet shown that it is Operational."""
     IN_SERVICE = "in service"
     LOST = "lost"
     """Was in service; heartbeat, guarding answer or the state Operational is missing."""
@@ -91,7 +91,7 @@ class BootFailure(HilError):  # noqa: N818 - a failed boot is an outcome first
 
 
 class BootReport:
-    """What a boot has found and done; filled while it goes on."""
+    """What a boot has found and done; filled step by step."""
 
     def __init__(self) -> None:
         self.device_type: int | None = None
@@ -121,8 +121,8 @@ def boot_script(
 
     Args:
         setup: What the node is expected to be.
-        report: Filled as the script goes on.
-        enter: Told of every step.
+        report: Filled step by step.
+        enter: Called at every step.
         halt: Takes the node to Pre-operational; called before PDOs or parameters are written.
         in_place: The node was in service and shows no sign of a new start: nothing is written as long as
             nothing differs, so that a drive which is just braking is not disturbed.

@@ -72,7 +72,7 @@ class CommunicationErrors:
         self.listeners: list[Callable[[str], None]] = []
 
     def announce(self, reason: str) -> None:
-        """Tell the device."""
+        """Notify the device."""
         for callback in self.listeners:
             callback(reason)
 
@@ -92,7 +92,7 @@ class CommunicationErrors:
         self._errors.clear(EMCY_LIFE)
 
     def rpdo_timeout(self, number: int) -> None:
-        """Tell that RPDO `number` is overdue; it does not change the NMT state."""
+        """Report that RPDO `number` is overdue; it does not change the NMT state."""
         if self._history is not None:
             self._history.emit(self._source, "rpdo.timeout", number=number)
         self.announce("rpdo_timeout")
@@ -116,7 +116,7 @@ class CommunicationErrors:
         self._errors.clear(EMCY_OVERRUN)
 
     def _fail(self, reason: str) -> None:
-        """Tell the device, then do what 1029h:1 says; without the object Operational is left (C301-113)."""
+        """Notify the device, then do what 1029h:1 says; without the object Operational is left (C301-113)."""
         self.announce(reason)
         behaviour = self._values.get(_BEHAVIOUR, 0)
         state = self._state()

@@ -1,5 +1,5 @@
-"""Rows of the communication objects that `CanopenSlave` serves, 1000h..1FFFh (CiA 301; C301-132 to
-C301-152).
+"""Rows of the communication objects that `CanopenSlave` serves, 1000h..1FFFh
+(CiA 301; C301-132 to C301-152).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _MAPPABLE: Final = 8
 _MEMORY_GROUPS: Final = ("All parameters", "Communication parameters", "Application parameters")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PdoDefaults:
     """How a PDO is set when the device leaves the factory.
 

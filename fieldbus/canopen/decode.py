@@ -1,4 +1,4 @@
-"""CAN frames of a CANopen segment as text, by the PDO mappings in force (C301-164)."""
+"""CAN frames of a CANopen segment as text, by the PDO mappings in effect (C301-164)."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _HEXADECIMAL: Final = frozenset(
 class FrameDecoder:
     """Turns frames into words.
 
-    The mapping in force is that of the dictionaries until SDO writes that the decoder has seen change it:
+    The mapping in effect is that of the dictionaries until SDO writes that the decoder has seen change it:
     give it all frames in order, with `observe` for those whose text is not needed.
 
     Args:
@@ -80,12 +80,12 @@ class FrameDecoder:
     def set_mapping(
         self, node_id: int, values: Mapping[tuple[int, int], int], *, stored: bool = True
     ) -> None:
-        """Tell values of communication objects that the decoder has not seen being written.
+        """Give values of communication objects that the decoder has not seen being written.
 
         Args:
             node_id: The node.
             values: (index, sub-index) -> value of 1005h, 1014h, 1400h to 1BFFh; others do no harm.
-            stored: The node has them in its memory: they are in force after a boot-up too.
+            stored: The node has them in its memory: they are in effect after a boot-up too.
 
         """
         self._node(node_id).take(
@@ -96,7 +96,7 @@ class FrameDecoder:
     def set_words(
         self, node_id: int, first_index: int, count: int, describe: Callable[[int, Sequence[int]], list[str]]
     ) -> None:
-        """Tell what stands in free process data words: consecutive objects of 16 bits, sub-index 0.
+        """Say what is in free process data words: consecutive objects of 16 bits, sub-index 0.
 
         Args:
             node_id: The node.
@@ -116,8 +116,8 @@ class FrameDecoder:
             self.decode(frame)
 
     def mapped(self, frame: CanFrame) -> tuple[int, list[tuple[int, int]]] | None:
-        """Return node-ID and values of a PDO by the mapping in force: pairs of index << 8 | sub-index and
-        number.
+        """Return node-ID and values of a PDO by the mapping in effect: pairs of
+        index << 8 | sub-index and number.
 
         Signed where the dictionary says so; what a short frame does not hold is left out. None: the frame is
         no PDO.
@@ -142,7 +142,7 @@ class FrameDecoder:
         return node.node_id, found
 
     def mapped_length(self, can_id: int) -> int:
-        """Return how many bytes a PDO has by the mapping in force; 0 for what is none."""
+        """Return how many bytes a PDO has by the mapping in effect; 0 for what is none."""
         pdo = self._pdos.get(can_id)
         return 0 if pdo is None else (sum(raw & 0xFF for raw in pdo[2]) + 7) // 8
 
@@ -160,7 +160,7 @@ class FrameDecoder:
 
     @property
     def pdo_ids(self) -> dict[int, int]:
-        """Identifiers of PDOs in force, with the node-ID that each belongs to."""
+        """Identifiers of PDOs in effect, with the node-ID that each belongs to."""
         return {can_id: node.node_id for can_id, (node, _, _) in self._pdos.items()}
 
     def decode(self, frame: CanFrame) -> str:
@@ -315,8 +315,8 @@ class _Node:
         self.sdo = SdoListener(self)
 
     def describe_words(self, mapping: Sequence[int], content: int, bits: int) -> list[str]:
-        """Return the signals of a PDO that holds consecutive free words and nothing else; empty when it does
-        not.
+        """Return the signals of a PDO that holds consecutive free words and
+        nothing else; empty when it does not.
         """
         for first_index, count, describe in self.words:
             begin = (mapping[0] >> 16) - first_index if mapping else -1

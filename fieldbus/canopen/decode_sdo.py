@@ -26,8 +26,8 @@ class Vocabulary(Protocol):
 
 
 class SdoListener:
-    """Follows the transfers on one channel from both sides' frames; wrong frames are described, never
-    raised.
+    """Follows the transfers on one channel from both sides' frames; wrong
+    frames are described, never raised.
     """
 
     def __init__(self, words: Vocabulary) -> None:

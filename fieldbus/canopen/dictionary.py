@@ -219,8 +219,8 @@ class Entry:
         return bytes(value)
 
     def saturated(self, value: ObjectValue) -> int:
-        """Return `value` as a whole number of the integer type, held at the end of the range; 0 for
-        not-a-number.
+        """Return `value` as a whole number of the integer type, held at the end of
+        the range; 0 for not-a-number.
         """
         low, high = self.type_range
         try:

@@ -21,8 +21,6 @@ class Dispatcher:
 
     """
 
-    __slots__ = ("_data", "_extended", "_remote", "_remote_extended", "_to_local_time", "on_change")
-
     def __init__(self, to_local_time: Callable[[FrameHandler], FrameHandler] | None = None) -> None:
         self._to_local_time = to_local_time
         self.on_change: Callable[[Mapping[int, FrameHandler]], None] | None = None
@@ -44,8 +42,8 @@ class Dispatcher:
             handler(frame, time_ns)
 
     def replace(self, data: Iterable[Route], remote: Iterable[Route]) -> None:
-        """Put new tables in force; services that share an identifier all get the frame, in the given
-        order.
+        """Put new tables in effect; services that share an identifier all get
+        the frame, in the given order.
         """
         self._data, self._extended = self._tables(data)
         self._remote, self._remote_extended = self._tables(remote)

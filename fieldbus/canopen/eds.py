@@ -250,8 +250,8 @@ class _Reader:
         return variable
 
     def _data_type(self, section: EdsSection, code: int) -> int:
-        """Return the type; one of the manufacturer's own stands for what its definition says, or for a
-        domain.
+        """Return the type; one of the manufacturer's own stands for what its
+        definition says, or for a domain.
         """
         if code in _KNOWN_TYPES:
             return code

@@ -22,9 +22,8 @@ def device_eds(
     """Return the EDS of a device, or the DCF.
 
     Defaults are those of the device, which may differ from those of the EDS that it was made of; defaults
-    relative to the node-ID stay so. A DCF also has the node-ID, the bit rate, and the present value
-    of every entry that 1010h would save: written into another device of the kind, they give it the same
-    configuration.
+    relative to the node-ID stay so. A DCF also has the node-ID, the bit rate, and the present value of every
+    entry that 1010h would save: written into another device of the kind, they give it the same configuration.
 
     Args:
         slave: The device.
@@ -33,7 +32,7 @@ def device_eds(
         bitrate: Bit rate of its segment, bit/s, for a device that has none of its own; None = unknown.
 
     Raises:
-        ConfigurationError: A text of the device cannot stand in such a file.
+        ConfigurationError: A text of the device cannot be part of such a file.
 
     """
     name = file_name or f"{slave.name}.{'dcf' if dcf else 'eds'}"

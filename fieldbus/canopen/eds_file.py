@@ -1,9 +1,9 @@
-"""Reading EDS and DCF files as they come: sections and keys with their lines, and values by data type (CiA
-306).
+"""Reading EDS and DCF files as they come: sections and keys with their lines, and
+values by data type (CiA 306).
 
-Vendors' files differ in encoding, case and number format. What can be understood is; whatever cannot is
-refused with file, section and key, because a default that silently became 0 would be found on the machine
-only.
+Vendors' files differ in encoding, case and number format. What can be understood is;
+whatever cannot is refused with file, section and key, because a default that silently became
+0 would be found on the machine only.
 """
 
 from __future__ import annotations
@@ -163,7 +163,7 @@ class EdsFile:
             content = Path(path).read_bytes()
         except OSError as reason:
             raise ConfigurationError(
-                "object dictionary", self.name, f"a readable file ({reason.strerror})"
+                "eds", self.name, "an EDS or DCF", problem=f"cannot be read ({reason.strerror})"
             ) from reason
         self._split(_decode(content))
 

@@ -24,7 +24,7 @@ _MANDATORY: Final = (0x1000, 0x1001, 0x1018)
 _BITRATES_K: Final = (10, 20, 50, 125, 250, 500, 800, 1000)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class EdsInfo:
     """What an EDS says of the file and of the device, apart from its objects.
 
@@ -61,7 +61,7 @@ def eds_text(rows: Sequence[ObjectRow], info: EdsInfo) -> str:
     return "\n".join(_lines(rows, info)) + "\n"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class DeviceEds:
     """The EDS of a device that ships with the product: made of its object table, kept as a file.
 

@@ -1,5 +1,5 @@
-"""Heartbeat producer and consumer, node guarding and life guarding of a slave (CiA 301; C301-022 to
-C301-030).
+"""Heartbeat producer and consumer, node guarding and life guarding of a slave
+(CiA 301; C301-022 to C301-030).
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class ErrorControl:
         return [COB_ERROR_CONTROL + node for node in self._watches]
 
     def configure(self) -> None:
-        """Read the consumer entries again; a watch whose entry has not changed goes on."""
+        """Read the consumer entries again; a watch whose entry has not changed continues."""
         watches: dict[int, _Watch] = {}
         for sub in self._consumer_subs:
             value = self._store.values[_CONSUMER << 8 | sub]

@@ -58,7 +58,7 @@ _SCAN_START: Final = 0x80
 _IDENTIFY: Final[tuple[tuple[int, int], ...]] = ((0, 0), (1, 0), (2, -1), (2, 1), (3, -1), (3, 1))
 
 
-@dataclass(slots=True)
+@dataclass
 class LssSettings:
     """What LSS sets and stores.
 
@@ -124,14 +124,14 @@ class LssSlave:
         """Whether the device has LSS at all."""
         self.state = LssState.WAITING
         self.active_node_id = node_id
-        """Node-ID in force; FFh = none."""
+        """Node-ID in effect; FFh = none."""
         self.stored = LssSettings(node_id)
-        """Non-volatile settings: in force after power-on and reset node."""
+        """Non-volatile settings: in effect after power-on and reset node."""
         self.settings_stored = False
         """Whether the node-ID has been stored by LSS; otherwise it is the one that the node comes with."""
         self.pending = LssSettings(node_id)
-        """Configured settings; the node-ID comes into force with reset communication, the bit rate when
-        activated.
+        """Configured settings; the node-ID comes into force with reset
+        communication, the bit rate when activated.
         """
 
     @property
@@ -215,8 +215,8 @@ class LssSlave:
             self._answer(_Service.IDENTIFIED)
 
     def _fast_scan(self, number: int, bit: int, part: int, following: int) -> None:
-        """Fastscan: answer if the bits from `bit` on agree; only nodes without node-ID take part
-        (C301-161).
+        """Fastscan: answer if the bits from `bit` on agree; only nodes
+        without node-ID take part (C301-161).
         """
         if not self.unconfigured or self.state is not LssState.WAITING:
             return

@@ -1,5 +1,5 @@
-"""The controller's CANopen services: NMT, SYNC, heartbeat, EMCY, raw PDOs, SDO clients and nodes (CiA
-301).
+"""The controller's CANopen services: NMT, SYNC, heartbeat, EMCY, raw PDOs,
+SDO clients and nodes (CiA 301).
 """
 
 from __future__ import annotations
@@ -174,9 +174,7 @@ class CanopenMaster:
             node.stop()
 
     def power_off(self) -> None:
-        """Fall silent at once, as a controller without supply: nothing is sent, received or
-        acknowledged.
-        """
+        """Fall silent at once, as a controller without supply: nothing is sent, received or acknowledged."""
         self.close()
         self._port.online = False
 
@@ -287,8 +285,8 @@ class CanopenMaster:
             node: 1..127.
             timeout_ns: Longest silence, ns.
             on_lost: Called once per loss.
-            on_state: Called with the new state when it changes (0 = boot-up), and with the first after a
-                loss.
+            on_state: Called with the new state when it changes (0 = boot-up),
+                and with the first after a loss.
 
         Raises:
             ConfigurationError: `node` or `timeout_ns` is out of range.

@@ -1,5 +1,5 @@
-"""Non-volatile memory of a device in a file, so that it survives the process (C301-018, C301-140,
-C301-158).
+"""Non-volatile memory of a device in a file, so that it survives the process
+(C301-018, C301-140, C301-158).
 """
 
 from __future__ import annotations

@@ -80,8 +80,8 @@ class Multiplexer:
                 self._deliver(*place, content)
 
     def _deliver(self, index: int, sub: int, content: bytes) -> None:
-        """Store one object; one that cannot be there is reported once until a frame has found its own
-        (C301-128).
+        """Store one object; one that cannot be there is reported once until a
+        frame has found its own (C301-128).
         """
         store = self._store
         entry = store.entries.get(index << 8 | sub)
@@ -147,8 +147,6 @@ class Multiplexer:
 
 class ScannedObject:
     """One object of a SAM producer: sent when it changes, like an event-driven PDO of its own."""
-
-    __slots__ = ("_entry", "_multiplexer", "_pdo", "_store", "dirty", "last")
 
     def __init__(self, multiplexer: Multiplexer, store: ObjectStore, pdo: TransmitPdo, entry: Entry) -> None:
         self._multiplexer = multiplexer

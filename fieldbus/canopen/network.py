@@ -97,8 +97,8 @@ class PumpedNetwork(canopen.Network):
         return task
 
     def subscribe(self, can_id: int, callback: Callable[[int, bytearray, float], None]) -> None:
-        """Listen for an identifier; an object of the library that subscribes gets waits that run the
-        scheduler.
+        """Listen for an identifier; an object of the library that subscribes
+        gets waits that run the scheduler.
         """
         self._adopt(getattr(callback, "__self__", None))
         super().subscribe(can_id, callback)
@@ -222,8 +222,8 @@ class PumpedQueue:
 
 
 class PumpedCondition:
-    """Stands in for the `threading.Condition` of an NMT master, PDO or EMCY consumer; there is one thread
-    only.
+    """Stands in for the `threading.Condition` of an NMT master, PDO or EMCY
+    consumer; there is one thread only.
     """
 
     def __init__(self, scheduler: Scheduler) -> None:

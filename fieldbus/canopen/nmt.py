@@ -61,8 +61,8 @@ def is_restricted(can_id: int) -> bool:
 
 
 def predefined_identifiers(node_id: int) -> dict[int, int]:
-    """Return the COB-IDs of the predefined connection set, keyed `index << 8 | sub-index` (C301-001 to
-    C301-010).
+    """Return the COB-IDs of the predefined connection set, keyed `index << 8 |
+    sub-index` (C301-001 to C301-010).
 
     PDOs beyond the fourth have none: they are not valid.
     """

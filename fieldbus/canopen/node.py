@@ -340,6 +340,9 @@ class RemoteNode:
 
     def _try_again(self) -> None:
         self._retry = None
+        if self.nmt_state in (NmtState.STOPPED, NmtState.INITIALISING):
+            # Somebody may have stopped it after its boot-up: a stopped node answers no SDO.
+            self._command(NmtCommand.ENTER_PRE_OPERATIONAL)
         self._begin(in_place=self._in_place)
 
     def _retry_stop(self) -> None:

@@ -1,5 +1,5 @@
-"""What a node is on its bus - node-ID and bit rate - and where it keeps that: LSS and the file behind the
-memory.
+"""What a node is on its bus - node-ID and bit rate - and where it keeps that: LSS
+and the file behind the memory.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class NodeSettings:
         self._history = history
         self._delivered_bitrate = bitrate
         self.bitrate = bitrate
-        """Bit rate in force, bit/s; None = that of the segment."""
+        """Bit rate in effect, bit/s; None = that of the segment."""
         self.on_bitrate: list[Callable[[int], object]] = []
         """Called with the bit rate, bit/s, when LSS or the stored settings change it."""
         self.lss = LssSlave(scheduler, send, self, node_id=node_id, bitrates=bitrates)
@@ -74,7 +74,7 @@ class NodeSettings:
             store.persist = self._save
 
     def start(self, *, application: bool) -> int:
-        """Put settings in force, as at reset communication or, with `application`, power-on and reset node.
+        """Put settings in effect, as at reset communication or, with `application`, power-on and reset node.
 
         Returns:
             The node-ID from now on, 1..127 or FFh.

@@ -44,7 +44,7 @@ class Parameter(NamedTuple):
             raise ConfigurationError(f"{self.index:04X}h:{self.sub}", self.value, f"{low}..{high}") from None
 
 
-@dataclass(slots=True, frozen=True)
+@dataclass(frozen=True)
 class PdoSetup:
     """One PDO, as seen by the node.
 
@@ -88,8 +88,8 @@ class PdoSetup:
 
     @property
     def writes(self) -> tuple[Parameter, ...]:
-        """What sets it up, in the order of the standard: not valid, no entries, entries, number, valid
-        (C301-052).
+        """What sets it up, in the order of the standard: not valid, no entries,
+        entries, number, valid (C301-052).
         """
         wanted = self.wanted
         if self.entries is None:
@@ -133,8 +133,8 @@ class NodeSetup:
         pdos: PDOs in the order in which they are set up.
         parameters: Everything else, in the order in which it is written.
         store: Have the node keep what was written (1010h:1).
-        heartbeat_timeout_ms: Time after which a missing heartbeat counts as lost; 0 = no heartbeat is
-            expected.
+        heartbeat_timeout_ms: Time after which a missing heartbeat counts as
+            lost; 0 = no heartbeat is expected.
         guard_time_ms: Period of node guarding; 0 = none. Not together with a heartbeat (C301-024).
         life_time_factor: Guard times without a right answer after which the node counts as lost.
         optional: The network is ready without it.

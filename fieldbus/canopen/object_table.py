@@ -1,5 +1,5 @@
-"""Rows of an object dictionary: one source for the EDS file, the dictionary, the defaults and the tests
-(C402-309).
+"""Rows of an object dictionary: one source for the EDS file, the dictionary, the
+defaults and the tests (C402-309).
 
 A device lists its objects with type, access right, PDO direction and default in the form of the profile
 tables; `fieldbus.canopen.eds_text` makes an EDS file of them.
@@ -37,7 +37,7 @@ TYPE_NAMES: Final[dict[int, str]] = {
 """Short names of the data types in use."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Item:
     """One entry that can be read or written: an object, or a sub-index of one.
 
@@ -47,7 +47,7 @@ class Item:
         access: `ro`, `rw`, `wo` or `const`, as SDO sees it.
         pdo: `R` receive, `T` transmit, `RT` both, `-` not mappable.
         default: Value after power-on; a string may contain `$NODEID`; None = none given.
-        volatile: A command or set-point, which 1010h does not store.
+        volatile: A command or setpoint, which 1010h does not store.
 
     """
 
@@ -60,15 +60,15 @@ class Item:
 
     @property
     def eds_access(self) -> str:
-        """Access type as an EDS writes it: `rww` and `rwr` name the only PDO direction of a read-write
-        object.
+        """Access type as an EDS writes it: `rww` and `rwr` name the only PDO
+        direction of a read-write object.
         """
         if self.access == "rw" and self.pdo in ("R", "T"):
             return "rww" if self.pdo == "R" else "rwr"
         return self.access
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ObjectRow:
     """One object of the dictionary.
 

@@ -25,9 +25,7 @@ def _no_effect(_data: bytes) -> None:
 
 
 class PdoCycle:
-    """What the PDOs of a node share: whether they are in force, and the last SYNC."""
-
-    __slots__ = ("muted", "operational", "sync_ns", "window_ns")
+    """What the PDOs of a node share: whether they are in effect, and the last SYNC."""
 
     def __init__(self) -> None:
         self.operational = False
@@ -103,23 +101,7 @@ class Watcher(Protocol):
 
 
 class Pdo:
-    """What both directions have in common: the communication parameters as they are in force."""
-
-    __slots__ = (
-        "_cycle",
-        "_scheduler",
-        "_values",
-        "can_id",
-        "extended",
-        "key",
-        "kind",
-        "layout",
-        "map_key",
-        "multiplex",
-        "number",
-        "rtr",
-        "valid",
-    )
+    """What both directions have in common: the communication parameters as they are in effect."""
 
     receive = False
 
@@ -187,21 +169,6 @@ class ReceivePdo(Pdo):
 
     """
 
-    __slots__ = (
-        "_deadline_ns",
-        "_errors",
-        "_last_ns",
-        "_mark",
-        "_multiplexed",
-        "_timed_out",
-        "_timer",
-        "apply",
-        "effective",
-        "pending",
-        "size",
-        "watchers",
-    )
-
     receive = True
 
     def __init__(
@@ -236,7 +203,7 @@ class ReceivePdo(Pdo):
         """Event-driven TPDOs that map an object of this one."""
 
     def compile(self, apply: Applier) -> None:
-        """Put a new mapping in force."""
+        """Put a new mapping in effect."""
         self.apply = apply
         self.size = 8 if self.multiplex else self.layout.size
         self._deadline_ns = self._values.get(self.key | 5, 0) * MS
@@ -346,25 +313,6 @@ class TransmitPdo(Pdo):
 
     """
 
-    __slots__ = (
-        "_counter",
-        "_event",
-        "_inhibit_ns",
-        "_inhibit_timer",
-        "_not_before_ns",
-        "_period_ns",
-        "_period_timer",
-        "_sampled",
-        "_send",
-        "_sent_ns",
-        "_start",
-        "_started",
-        "dirty",
-        "last",
-        "maker",
-        "sample",
-    )
-
     def __init__(
         self,
         number: int,
@@ -408,7 +356,7 @@ class TransmitPdo(Pdo):
         return self.kind in (0, 254, 255)
 
     def compile(self, sample: Sampler, *, restart: bool = True) -> None:
-        """Put new parameters in force; with `restart` counters, timers and events are reset."""
+        """Put new parameters in effect; with `restart` counters, timers and events are reset."""
         values = self._values
         self.sample = sample
         if not self.extended:

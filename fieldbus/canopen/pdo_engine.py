@@ -149,7 +149,7 @@ class PdoEngine:
             tpdo.sample = sampler(tpdo.layout, self._store.values, self._store.read_hooks)
 
     def refresh(self) -> None:
-        """Sort the PDOs in force by what drives them."""
+        """Sort the PDOs in effect by what drives them."""
         self.cycle.window_ns = self._store.values.get(0x100700, 0) * 1000
         valid = (
             [pdo for pdo in self.transmit if pdo.valid and pdo.layout.fields]

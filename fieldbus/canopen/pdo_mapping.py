@@ -65,8 +65,8 @@ def check_mapping_entry(store: ObjectStore, raw: int, *, receive: bool) -> tuple
     """Return entry and bits of one mapping value; the entry is None for a dummy (C301-053).
 
     Raises:
-        SdoAbort: 06020000h, 06090011h no such object; 06040041h not mappable in this direction or wrong
-            length.
+        SdoAbort: 06020000h, 06090011h no such object; 06040041h not mappable in
+            this direction or wrong length.
 
     """
     index, sub, bits = raw >> 16, raw >> 8 & 0xFF, raw & 0xFF

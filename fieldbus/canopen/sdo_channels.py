@@ -1,5 +1,5 @@
-"""The SDO servers of a slave on their identifiers, with timeouts in the time of the bench (C301-072,
-C301-150).
+"""The SDO servers of a slave on their identifiers, with timeouts in the time of
+the bench (C301-072, C301-150).
 """
 
 from __future__ import annotations

@@ -141,8 +141,8 @@ class SdoJob:
 
     @property
     def abort_code(self) -> int:
-        """Why it failed: the server's code, or 05040000h for a server that does not answer; 0 = it did not
-        fail.
+        """Why it failed: the server's code, or 05040000h for a server that does
+        not answer; 0 = it did not fail.
         """
         return self.transfer.abort_code
 

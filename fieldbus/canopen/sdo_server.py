@@ -85,8 +85,8 @@ class SdoServer:
         return self._abort(AbortCode.TIMEOUT)
 
     def request(self, data: bytes) -> Answers:
-        """Take the eight bytes of a request and return the answers, possibly none; never raises on any
-        bytes.
+        """Take the eight bytes of a request and return the answers, possibly
+        none; never raises on any bytes.
         """
         if len(data) != 8:
             return []
@@ -121,8 +121,8 @@ class SdoServer:
         return _SIZED.pack(0x80, self._index, self._sub, code)
 
     def _address(self, data: bytes) -> None:
-        """Begin a transfer on the entry that the request names; the one that ran ends without a word
-        (C301-073).
+        """Begin a transfer on the entry that the request names; the one that ran
+        ends without a word (C301-073).
         """
         self.reset()
         _, self._index, self._sub = _MUX.unpack_from(data)

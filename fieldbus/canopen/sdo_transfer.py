@@ -46,24 +46,6 @@ class SdoTransfer:
 
     """
 
-    __slots__ = (
-        "_block_size",
-        "_buffer",
-        "_crc",
-        "_mux",
-        "_offset",
-        "_sequence",
-        "_size",
-        "_state",
-        "_toggle",
-        "abort_code",
-        "block",
-        "done",
-        "index",
-        "strays",
-        "sub",
-    )
-
     def __init__(self, index: int, sub: int, *, block: bool = False, block_size: int = 127) -> None:
         if not 0 <= index <= 0xFFFF:
             raise ConfigurationError("SDO index", f"{index:X}h", "0..FFFFh")
@@ -158,8 +140,6 @@ class SdoUpload(SdoTransfer):
         block_size: Segments per block, 1..127.
 
     """
-
-    __slots__ = ()
 
     _SWITCH: Final = 28
 
@@ -276,8 +256,6 @@ class SdoDownload(SdoTransfer):
         block: Use the block protocol for more than four bytes.
 
     """
-
-    __slots__ = ("_acknowledged", "_expected", "data")
 
     def __init__(self, index: int, sub: int, data: bytes, *, block: bool = False) -> None:
         super().__init__(index, sub, block=block and len(data) > 4)

@@ -240,8 +240,8 @@ class CanopenSlave:
         return self.values[index << 8 | sub]
 
     def set(self, index: int, sub: int, value: ObjectValue) -> None:
-        """Set a value without access checks; event-driven TPDOs that map it are sent if their payload
-        changes.
+        """Set a value without access checks; event-driven TPDOs that map it are
+        sent if their payload changes.
         """
         key = index << 8 | sub
         values = self.values

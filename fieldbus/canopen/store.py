@@ -115,8 +115,8 @@ class ObjectStore:
         self.load(application=True)
 
     def predefine(self, node_id: int) -> None:
-        """Give COB-IDs without a default of their own, or with 0, that of the predefined set; 0 is no
-        identifier.
+        """Give COB-IDs without a default of their own, or with 0, that of the
+        predefined set; 0 is no identifier.
         """
         base = predefined_identifiers(0)
         for key, cob_id in predefined_identifiers(node_id).items():
@@ -127,8 +127,8 @@ class ObjectStore:
         self.load(application=True)
 
     def renumber(self, old: int, new: int) -> None:
-        """Move what is relative to the node-ID from one to another: defaults, and values that still are the
-        default.
+        """Move what is relative to the node-ID from one to another: defaults, and
+        values that still are the default.
         """
         for key, entry in self.entries.items():
             if entry.base is not None and entry.default == entry.base + old:
@@ -206,8 +206,8 @@ class ObjectStore:
             sized: The request said how many bytes count; otherwise those of the entry's type do.
 
         Raises:
-            SdoAbort: The entry does not exist, is read-only, or length, value, a service or the device
-                refuses.
+            SdoAbort: The entry does not exist, is read-only, or length, value, a
+                service or the device refuses.
 
         """
         entry = self.entry(index, sub)
@@ -323,8 +323,8 @@ def _areas(group: int) -> tuple[int, ...]:
 
 
 def _in_group(key: int, group: int) -> bool:
-    """Say whether sub-index `group` of 1010h and 1011h covers the entry; 4 and up are the manufacturer's
-    area.
+    """Say whether sub-index `group` of 1010h and 1011h covers the entry; 4 and
+    up are the manufacturer's area.
     """
     index = key >> 8
     if group == _COMMUNICATION:

@@ -1,5 +1,5 @@
-"""Whether a node is alive, seen by the controller: heartbeat consumer and node guarding (CiA 301; C301-023 to
-C301-030).
+"""Whether a node is alive, seen by the controller: heartbeat consumer and node guarding
+(CiA 301; C301-023 to C301-030).
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ _UNKNOWN: Final = -1
 class HeartbeatWatch:
     """One watched node; its timer is entered once per timeout, not once per heartbeat.
 
-    Monitoring starts with the first heartbeat (C301-026), or with `expect`. A boot-up or a change of state is
-    reported as such, never as a loss (C301-027); after a boot-up monitoring waits for the first heartbeat
-    again.
+    Monitoring starts with the first heartbeat (C301-026), or with `expect`. A boot-up or a
+    change of state is reported as such, never as a loss (C301-027); after a boot-up monitoring
+    waits for the first heartbeat again.
 
     Args:
         scheduler: Time.
@@ -96,13 +96,13 @@ class HeartbeatWatch:
 
 
 class NodeGuard:
-    """Guards a node that sends no heartbeat: asks by remote frames and checks the answers (C301-028 to
-    C301-030).
+    """Guards a node that sends no heartbeat: asks by remote frames and checks the
+    answers (C301-028 to C301-030).
 
     The first answer after a boot-up has toggle bit 0, and it changes with every answer. One without the
     change counts as none: it may come from a node that has restarted. When no right answer has come within
-    the life time (guard time times factor) the node is lost; asking goes on, and the first answer after that
-    sets the toggle bit expected from then on.
+    the life time (guard time times factor) the node is lost; polling continues, and the first answer after
+    that sets the toggle bit expected from then on.
 
     Args:
         scheduler: Time.

@@ -40,30 +40,6 @@ class SyncService:
 
     """
 
-    __slots__ = (
-        "_emcy",
-        "_emcy_clear",
-        "_length",
-        "_length_wrong",
-        "_monitor",
-        "_next",
-        "_on_change",
-        "_pdos",
-        "_producer",
-        "_scheduler",
-        "_send",
-        "_state",
-        "_store",
-        "_timeout_ns",
-        "can_id",
-        "extended",
-        "lost",
-        "on_lost",
-        "on_sync",
-        "time_ns",
-        "timeout_factor",
-    )
-
     def __init__(
         self,
         scheduler: Scheduler,
@@ -191,7 +167,7 @@ class SyncService:
                 self._monitor = monitor
                 self._scheduler.again(monitor, due)
             return
-        # Monitoring goes on with the next SYNC: one report for each gap.
+        # Monitoring continues with the next SYNC: one report for each gap.
         self.lost += 1
         for callback in self.on_lost:
             callback()

@@ -24,7 +24,7 @@ class TimeService:
     """The clock of the device: set by TIME frames, and sent to others where 1012h says so.
 
     Args:
-        scheduler: Time of the bench, by which the clock goes on between two frames.
+        scheduler: Time of the bench, by which the clock continues between two frames.
         store: Holds 1012h; a dictionary without it has no TIME.
         send: Puts a frame on the bus.
         on_change: Called when the identifier to listen to has changed.

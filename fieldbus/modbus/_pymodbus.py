@@ -1,5 +1,5 @@
-"""The only module that knows pymodbus: PDUs of requests and responses, the CRC, and the envelopes of RTU and
-TCP.
+"""The only module that knows pymodbus: PDUs of requests and responses, the CRC,
+and the envelopes of RTU and TCP.
 
 pymodbus changes its interface with every minor version, so it is held to one of them and asked for little. It
 is not asked to judge: what it decodes was checked by `fieldbus.modbus.pdu` before, because its decoders take
@@ -94,7 +94,7 @@ def exception_response(function: int, code: int) -> bytes:
 
 
 def identification_response(read_code: int, conformity: int, objects: Mapping[int, bytes]) -> bytes:
-    """Return as many objects of a device identification as fit; the header says where to go on."""
+    """Return as many objects of a device identification as fit; the header says where to continue."""
     pdu = ReadDeviceInformationResponse(read_code, dict(objects))
     pdu.conformity = conformity
     return _encode(pdu)

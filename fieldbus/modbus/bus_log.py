@@ -30,8 +30,8 @@ class ModbusFrame:
 
     Args:
         protocol: The link.
-        data: All bytes: header and PDU over TCP, PDU and CRC on a serial line; empty for news of a
-            connection.
+        data: All bytes: header and PDU over TCP, PDU and CRC on a serial line;
+            empty for news of a connection.
         asked: PDU of the request that this is the response to; empty for a request.
         note: News of the connection: `connection opened`, ...; empty for a frame.
 

@@ -48,8 +48,8 @@ def response_text(asked: bytes, pdu: bytes) -> str:
 class RtuDecoder:
     """Decodes the frames of a serial line in their order.
 
-    A frame does not say whether it is a request or a response; one that answers the frame before it is a
-    response.
+    A frame does not say whether it is a request or a response; one that answers the
+    frame before it is a response.
     """
 
     def __init__(self) -> None:

@@ -1,5 +1,5 @@
-"""A drive with a register map: process data words, parameters, the DS47 channel and the mailbox (PD-286 to
-PD-337).
+"""A drive with a register map: process data words, parameters, the DS47 channel and
+the mailbox (PD-286 to PD-337).
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class ProcessDataDevice(Protocol):
         """Return the telegram to the controller with the values of now."""
 
     def accessed(self) -> None:
-        """Take note that a register was read or written which keeps the process data from timing out
-        (PD-292).
+        """Take note that a register was read or written which keeps the process
+        data from timing out (PD-292).
         """
 
     def request(self, data: bytes) -> bytes:
@@ -351,10 +351,10 @@ class DriveMap:
             raise RegisterRefusal
         present = self._value(address)
         size = size_of(present.code) or 1
-        room = 2 * (block.count - _MAILBOX_DATA)
+        space = 2 * (block.count - _MAILBOX_DATA)
         if order == _MAILBOX_READ:
             data = b"".join(pack_values(present.code, (value,))[::-1] for value in present.values)
-            if len(data) > room:
+            if len(data) > space:
                 raise RegisterRefusal
             words = self._words(data)
             block.values[_MAILBOX_DATA : _MAILBOX_DATA + len(words)] = words

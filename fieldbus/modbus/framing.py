@@ -30,8 +30,8 @@ _LONGEST_LENGTH: Final = 254
 
 
 def unwrap_rtu(frame: bytes) -> tuple[int, bytes] | None:
-    """Return unit and PDU of a frame of the serial line; None when it is too short, too long or its CRC is
-    wrong.
+    """Return unit and PDU of a frame of the serial line; None when it is too
+    short, too long or its CRC is wrong.
     """
     if not 4 <= len(frame) <= LONGEST_RTU or crc16(frame[:-2]) != frame[-2:]:
         return None
@@ -87,8 +87,7 @@ class TcpResponder:
     """A server at one TCP connection: bytes in, bytes out.
 
     Units: None of the server (any) and 0 and 255 (the server itself) are answered with the unit mirrored
-        (MODB-040);
-    another unit than the server's own gets no answer.
+    (MODB-040); another unit than the server's own gets no answer.
 
     Args:
         server: What answers.
@@ -140,13 +139,13 @@ class RtuResponder:
         self._server = server
 
     def receive(self, frame: bytes, *, damaged: bool = False) -> bytes | None:
-        """Take a frame and return the response; None for broadcasts, frames for others and broken ones
-        (MODB-008).
+        """Take a frame and return the response; None for broadcasts, frames for
+        others and broken ones (MODB-008).
 
         Args:
             frame: All bytes between two pauses.
-            damaged: Whether a character had a wrong parity or stop bit, or a pause was too long for one
-                frame.
+            damaged: Whether a character had a wrong parity or stop bit, or a
+                pause was too long for one frame.
 
         """
         server = self._server

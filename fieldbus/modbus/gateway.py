@@ -111,6 +111,6 @@ class _Passage(Generic[End]):
             self.closed("closed")
 
     def closed(self, reason: str) -> None:  # noqa: ARG002 - whatever the reason
-        """Forget the connection; what is under way goes on without it."""
+        """Forget the connection; transfers in progress continue without it."""
         if self._end in self._gateway.ends:
             self._gateway.ends.remove(self._end)

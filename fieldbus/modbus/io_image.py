@@ -25,7 +25,7 @@ _MOST_OUTPUTS: Final = 121
 _PER_REGISTER: Final = 16
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class IoImage:
     """How many channels of each kind there are, and where they stand.
 
@@ -72,8 +72,8 @@ class IoImage:
         return None
 
     def pack_outputs(self, digital: int, analog: Sequence[int]) -> list[int]:
-        """Return the registers of the outputs; bit n of `digital` is channel n, analog words may be
-        negative.
+        """Return the registers of the outputs; bit n of `digital` is channel
+        n, analog words may be negative.
         """
         return [*_registers(digital, self.digital_outputs), *(word & 0xFFFF for word in analog)]
 

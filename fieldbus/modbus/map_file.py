@@ -12,7 +12,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from fieldbus.errors import ConfigurationError
 
-HOOKS: Final = ("setpoints", "actual_values", "ds47", "mailbox", "error_code")
 SHIPPED: Final = ("sinamics_g120", "sinamics_g220", "festo")
 
 Order = Literal["high_first", "low_first"]
@@ -83,8 +82,8 @@ def load_map(source: str | Path) -> MapFile:
     """Return a register map by the name of a shipped one or from a file.
 
     Raises:
-        ConfigurationError: There is none, or it cannot be used; the message names file, key and what is
-            allowed.
+        ConfigurationError: There is none, or it cannot be used; the message names
+            file, key and what is allowed.
 
     """
     where = str(source)

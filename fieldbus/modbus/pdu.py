@@ -1,5 +1,5 @@
-"""Requests and responses as values: checked, decoded and encoded (MODB-012 to MODB-021). Serves both
-sides.
+"""Requests and responses as values: checked, decoded and encoded (MODB-012
+to MODB-021). Serves both sides.
 """
 
 from __future__ import annotations
@@ -25,7 +25,6 @@ _F: Final = Function
 _BITS: Final = frozenset({_F.READ_COILS, _F.READ_DISCRETE_INPUTS})
 _READS: Final = frozenset({*_BITS, _F.READ_HOLDING_REGISTERS, _F.READ_INPUT_REGISTERS})
 _COIL_VALUES: Final = (b"\x00\x00", b"\xff\x00")
-_EMPTY_COUNTERS: Final = b"\x00\x00"
 
 
 class Request(NamedTuple):
@@ -104,7 +103,7 @@ class Response(NamedTuple):
     objects: tuple[tuple[int, bytes], ...] = ()
     """Function 43/14: objects of the device identification."""
     next_object: int | None = None
-    """Function 43/14: the object to go on with, when not all fitted."""
+    """Function 43/14: the object to continue with, when not all fitted."""
 
     def __str__(self) -> str:
         """Return the response in words."""
@@ -121,8 +120,8 @@ def _hex(values: tuple[int, ...]) -> str:
 
 
 def is_well_formed(pdu: bytes, limits: Mapping[int, int] = LIMITS) -> bool:
-    """Return whether length, quantity, byte count and value of a request of a served function are right
-    (MODB-024).
+    """Return whether length, quantity, byte count and value of a request of a served
+    function are right (MODB-024).
 
     Args:
         pdu: At least the function code.

@@ -20,7 +20,7 @@ _BOTH: Final = int(Function.READ_WRITE_MULTIPLE_REGISTERS)
 _TIMEOUT, _INPUTS, _FAULTS = 2040, 722, 947
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ProcessDataRegisters:
     """Requests for the process data of a drive.
 
@@ -30,12 +30,12 @@ class ProcessDataRegisters:
         telegram: The telegram.
         low_word_first: Of double words the low word stands first, in the time-out too.
         combined: Function 23 is allowed: one request for both directions, written first (MODB-020).
-        timeout: Address and number of registers of the time-out of the process data, ms; None = there is
-            none.
+        timeout: Address and number of registers of the time-out of the process
+            data, ms; None = there is none.
         inputs: Addresses of the digital inputs, one register each from bit 0 on; empty = there are none.
         fault_number: Address of the number of the oldest fault; None = there is none.
-        parameters: Address of the control word of the parameter channel (data record 47); None = there is
-            none.
+        parameters: Address of the control word of the parameter channel (data
+            record 47); None = there is none.
 
     """
 
@@ -101,7 +101,7 @@ class ProcessDataRegisters:
         return None if self.fault_number is None else Request(_READ, self.fault_number, 1)
 
     def frame(self, values: tuple[int, ...], *, setpoints: bool = False) -> bytes:
-        """Return the telegram that stands in registers, words with the high byte first.
+        """Return the telegram that is in registers, words with the high byte first.
 
         Args:
             values: All words of the telegram.

@@ -1,5 +1,5 @@
-"""The data of a device as Modbus sees it: coils, discrete inputs, holding and input registers, in blocks with
-hooks.
+"""The data of a device as Modbus sees it: coils, discrete inputs, holding and input
+registers, in blocks with hooks.
 """
 
 from __future__ import annotations
@@ -161,8 +161,8 @@ class RegisterMap:
         return tuple(self._blocks[area])
 
     def _pieces(self, area: Area, address: int, count: int) -> list[tuple[Block, int, int]] | None:
-        """Return blocks with offset and quantity that cover a range; None where one address does not
-        exist.
+        """Return blocks with offset and quantity that cover a range; None
+        where one address does not exist.
         """
         blocks = self._blocks[area]
         at = bisect_right(self._starts[area], address) - 1

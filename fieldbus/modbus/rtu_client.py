@@ -59,7 +59,7 @@ class RtuClient(QueuedClient):
     def _send_next(self) -> None:
         self._start = None
         if self._assembler.busy:
-            return  # somebody talks; its end goes on
+            return  # somebody talks; the end of that frame resumes this
         self._job = job = self._queue.popleft()
         job.tries += 1
         end_ns = self.port.send(rtu_frame(job.unit, job.frame_pdu))

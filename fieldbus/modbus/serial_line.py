@@ -31,7 +31,7 @@ class Parity(Enum):
     NONE = "none"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SerialFormat:
     """Rate and characters of a line.
 
@@ -337,11 +337,11 @@ class FrameAssembler:
     def received(self, data: bytes, damaged: bool, time_ns: int) -> None:
         """Take characters."""
         self._damaged = self._damaged or damaged
-        room = LONGEST_RTU - len(self._buffer)
-        if len(data) > room:
+        free = LONGEST_RTU - len(self._buffer)
+        if len(data) > free:
             self.overruns += not self._damaged
             self._damaged = True
-        self._buffer += data[:room]
+        self._buffer += data[:free]
         self._last_ns = time_ns
         self._talkers -= 1
         if self._talkers == 0:  # else others talk on: a collision has no pause

@@ -1,5 +1,5 @@
-"""Real TCP connections: one thread waits for the sockets and hands over to the scheduler, where everything
-happens.
+"""Real TCP connections: one thread waits for the sockets and hands over to the
+scheduler, where everything happens.
 """
 
 from __future__ import annotations

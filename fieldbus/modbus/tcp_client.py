@@ -68,8 +68,8 @@ class TcpClient(QueuedClient):
         return len(self._under_way)
 
     def close(self) -> None:
-        """End the connection; what is under way is lost, what waits stays in the queue until the next
-        request.
+        """End the connection; what is under way is lost, what waits stays in
+        the queue until the next request.
         """
         handler, self._handler = self._handler, None
         if handler is not None:

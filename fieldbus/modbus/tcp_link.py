@@ -1,5 +1,5 @@
-"""A TCP link in simulated time: connections as ordered streams, segments, latency, reset, a cable that can be
-cut.
+"""A TCP link in simulated time: connections as ordered streams, segments, latency,
+reset, a cable that can be cut.
 """
 
 from __future__ import annotations

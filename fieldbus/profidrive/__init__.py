@@ -1,5 +1,5 @@
-"""PROFIdrive: telegrams, words and number formats. Facts of the profile that hold on every bus; no device, no
-bus.
+"""PROFIdrive: telegrams, words and number formats. Facts of the profile that hold
+on every bus; no device, no bus.
 """
 
 from __future__ import annotations

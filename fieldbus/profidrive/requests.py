@@ -1,5 +1,5 @@
-"""Base mode parameter access: requests and answers as bytes (PD-199 to PD-230). Serves controller, drive and
-fuzzer.
+"""Base mode parameter access: requests and answers as bytes (PD-199 to PD-230).
+Serves controller, drive and fuzzer.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ def unpack_values(code: int, data: bytes) -> tuple[Value, ...]:
     return tuple(struct.unpack_from(packing, data, at)[0] for at in range(0, len(data), size))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Address:
     """Which values of a parameter.
 
@@ -205,17 +205,17 @@ class Address:
     attribute: int = Attribute.VALUE
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Values:
-    """Values in a format: of a write request, or of a good answer to reading. A word of zero values answers
-    writing.
+    """Values in a format: of a write request, or of a good answer to reading. A word
+    of zero values answers writing.
     """
 
     code: int
     values: tuple[Value, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Refusal:
     """A parameter that was refused.
 
@@ -236,7 +236,7 @@ class Refusal:
         return f"{self.error:02X}h {reason}{where}"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Request:
     """A request: reading or writing of one or several parameters.
 
@@ -309,7 +309,7 @@ def decode_request(data: bytes) -> Request:
     return Request(reference, service, drive_object, tuple(addresses), tuple(values))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Answer:
     """An answer.
 

@@ -1,5 +1,5 @@
-"""Sign of life: the 4-bit counters with which controller and drive show each other that they work (PD-123 to
-PD-132).
+"""Sign of life: the 4-bit counters with which controller and drive show each other
+that they work (PD-123 to PD-132).
 """
 
 from __future__ import annotations
@@ -50,18 +50,6 @@ class SignOfLife:
 
     """
 
-    __slots__ = (
-        "_expected",
-        "_good",
-        "_left",
-        "_prescale",
-        "counter",
-        "failures",
-        "state",
-        "tolerance",
-        "value",
-    )
-
     def __init__(self, *, tolerance: int = 1, factor: int = 1) -> None:
         if not 0 <= tolerance <= UNMONITORED:
             raise ConfigurationError("sign of life tolerance (PNU 925)", tolerance, "0..65535")
@@ -90,8 +78,8 @@ class SignOfLife:
         return self.state is _SYNCHRONISED or self.tolerance == UNMONITORED
 
     def step(self, received: int) -> bool:
-        """Take the controller's counter of this cycle; return whether the sign of life has just failed
-        (PD-129).
+        """Take the controller's counter of this cycle; return whether the sign of
+        life has just failed (PD-129).
 
         Args:
             received: Bits 12..15 of the control word, 0..15.
@@ -158,8 +146,6 @@ class SignWatch:
         tolerance: Wrong values in a row that are tolerated, 0 or more.
 
     """
-
-    __slots__ = ("_before", "_wrong", "tolerance")
 
     def __init__(self, *, tolerance: int = 3) -> None:
         self.tolerance = tolerance

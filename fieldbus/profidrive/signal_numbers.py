@@ -23,8 +23,8 @@ _WORDS: Final = {"int32": 2, "n4": 2, "int64": 4}
 
 
 def signal_numbers(layout: Layout) -> tuple[int, ...]:
-    """Return the signal number of each word of one direction of a telegram; a double word has its number
-    twice.
+    """Return the signal number of each word of one direction of a telegram; a
+    double word has its number twice.
     """
     numbers: list[int] = []
     for name in layout.names:

@@ -1,5 +1,5 @@
-"""Telegrams as data: which signal stands in which word (PD-001 to PD-032, CFG-193 to CFG-247, PTO-023 to
-PTO-036).
+"""Telegrams as data: which signal is in which word (PD-001 to PD-032, CFG-193
+to CFG-247, PTO-023 to PTO-036).
 
 All words are big-endian; a double word has its high word first. *Setpoint* is the direction from the
 controller to the drive, *actual* the way back.
@@ -129,8 +129,6 @@ class Layout:
 
     """
 
-    __slots__ = ("_struct", "_supply", "length", "names", "words")
-
     def __init__(self, signals: Sequence[str]) -> None:
         for name in signals:
             if name not in SIGNALS:
@@ -215,8 +213,8 @@ class Layout:
         raise TelegramError(f"{name} is not in this telegram; it has: {', '.join(self.names)}")
 
     def places(self, *, low_word_first: bool) -> tuple[int, ...]:
-        """Return for each word where it stands on a link: where it is, or with the low word of a signal
-        first.
+        """Return for each word where it stands on a link: where it is, or with
+        the low word of a signal first.
         """
         found: list[int] = []
         for name in self.names:
@@ -253,8 +251,6 @@ def describe_value(name: str, value: int) -> str:
 
 class Telegram:
     """A telegram: its number and both directions."""
-
-    __slots__ = ("actual", "number", "setpoint")
 
     def __init__(self, number: int, setpoint: Layout, actual: Layout) -> None:
         self.number: Final = number

@@ -1,5 +1,5 @@
-"""Bits of the control and status words, by name, and their words for a trace (PD-045 to PD-095, PD-141 to
-PD-149).
+"""Bits of the control and status words, by name, and their words for a trace
+(PD-045 to PD-095, PD-141 to PD-149).
 
 The masks are plain integers to the cycle: an `IntFlag` would make an object of every `&`.
 """
@@ -225,8 +225,8 @@ class CU_ZSW1(IntEnum):  # noqa: N801
 
 
 class S_ZSW1B(IntEnum):  # noqa: N801
-    """Status word 1 of the safety information channel (CFG-471 to CFG-493); bits 9 and 10 are the level of
-    SLS.
+    """Status word 1 of the safety information channel (CFG-471 to CFG-493); bits
+    9 and 10 are the level of SLS.
     """
 
     STO_ACTIVE = 0x0001

@@ -1,8 +1,8 @@
-"""What one axis costs the controller in one cycle: inputs, monitoring, setpoint, control, outputs, its
-instructions.
+"""What one axis costs the controller in one cycle: inputs, monitoring, setpoint,
+control, outputs, its instructions.
 
-No bus and no drive take part: the port of the axis returns its own setpoint as actual value, and nothing is
-recorded.
+No bus and no drive take part: the port of the axis returns its own setpoint as actual
+value, and nothing is recorded.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ import gc
 import statistics
 import time
 from typing import Any, Final
+
+from typing_extensions import override
 
 from fieldbus.clock import VirtualScheduler
 from hil._commands._measurements import Figure
@@ -42,8 +44,6 @@ _VARIABLES: Final = {
 class EchoPort(DrivePort):
     """A drive that turns with the setpoint at once, and costs next to nothing."""
 
-    __slots__ = ("_angle", "_increments_per_rpm")
-
     def __init__(self, cycle_s: float) -> None:
         super().__init__()
         self._angle = 0.0
@@ -51,13 +51,13 @@ class EchoPort(DrivePort):
         self.link_ok = True
         self.zsw1 = 0x0231
 
+    @override
     def read(self) -> None:
-        """See `DrivePort.read`."""
         self._angle += self.actual_speed_rpm * self._increments_per_rpm
         self.encoder_increments = int(self._angle)
 
-    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:  # noqa: ARG002 - needs no torque
-        """See `DrivePort.write`."""
+    @override
+    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
         self.actual_speed_rpm = speed_rpm
         self.zsw1 = 0x0237 if stw1 == STW1_OPERATE else 0x0231
 
@@ -105,8 +105,8 @@ class RunningAxes:
         return [self._call(instruction(axis, **inputs)) for axis in self.axes]
 
     def run(self, cycles: int) -> None:
-        """Let `cycles` application cycles pass; positionings that have ended begin again in the other
-        direction.
+        """Let `cycles` application cycles pass; positionings that have ended
+        begin again in the other direction.
         """
         cycle = self.runtime.task.cycle
         if not self._moves:

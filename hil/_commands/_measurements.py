@@ -30,8 +30,8 @@ class Figure(NamedTuple):
 
 
 def with_axes(config: Any, count: int, *, cycle_ms: int | None = None) -> Any:
-    """Return a bench configuration with `count` copies of its only drive and axis, and another bus cycle if
-    given.
+    """Return a bench configuration with `count` copies of its only drive and axis,
+    and another bus cycle if given.
     """
     drive, axis = next(iter(config.drive.values())), next(iter(config.axis.values()))
     drives = {
@@ -117,8 +117,8 @@ def alternately(*works: Callable[[], int], rounds: int = 7) -> tuple[float, ...]
 
 
 def can_frames() -> list[Figure]:
-    """Frames per second from one node to another: the medium, with bit timing, against python-can's virtual
-    bus.
+    """Frames per second from one node to another: the medium, with bit timing,
+    against python-can's virtual bus.
     """
     import can
 
@@ -231,8 +231,7 @@ def _ignore(_frame: CanFrame, _time_ns: int) -> None:
 
 def sdo_uploads() -> list[Figure]:
     """SDO uploads per second from our slave in virtual time, by the canopen library and by our own client,
-    and by the
-    library from its own `LocalNode` over python-can's virtual bus.
+    and by the library from its own `LocalNode` over python-can's virtual bus.
     """
     import canopen
 

@@ -24,8 +24,8 @@ PEER: Final = "peer"
 
 
 def modbus_requests() -> list[Figure]:
-    """Return requests per second over TCP on loopback, one client: our server, and that of pymodbus with its
-    simulator.
+    """Return requests per second over TCP on loopback, one client: our server, and that
+    of pymodbus with its simulator.
     """
     with ExitStack() as stack:
         ours = stack.enter_context(_process(OURS))

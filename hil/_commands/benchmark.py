@@ -1,5 +1,5 @@
-"""`hil benchmark`: simulated seconds per wall second, fault cases per minute, and parts against other
-libraries.
+"""`hil benchmark`: simulated seconds per wall second, fault cases per minute, and
+parts against other libraries.
 """
 
 from __future__ import annotations

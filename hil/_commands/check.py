@@ -1,27 +1,47 @@
-"""`hil check`: is a bench file good, and does the bench come up?"""
+"""`hil check`: is a bench file good, do its tables agree, and what is pending after the start?"""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final
 
+from fieldbus.errors import UnknownNameError, located
 from hil._commands.terminal import console, print_json, quiet_stdout
 from hil.campaign import load_bench_file
 
+if TYPE_CHECKING:
+    from hil.bench.config import BenchConfig
+    from hil.bench.rules import Finding
 
-def check_bench(reference: str, *, build: bool, as_json: bool) -> int:
-    """Validate, bring up, tell; returns the exit code. What is wrong is raised as an error with exit code
-    2.
+SETTLING_S: Final = 1.0
+"""How long the bench runs before it is asked what is pending."""
+
+
+def check_bench(reference: str, *, build: bool, as_json: bool, ignored: Sequence[str] = ()) -> int:
+    """Validate, compare, bring up, tell; returns the exit code: 1 when something was found.
+
+    Args:
+        reference: Bench file, embedded name or object.
+        build: Also bring a virtual bench up and let it run for a second.
+        as_json: As JSON.
+        ignored: Names of rules that do not count.
+
+    Raises:
+        ConfigurationError: The bench file is wrong, or there is no such rule.
+
     """
     with quiet_stdout(as_json):
         bench_file = load_bench_file(reference)
         kind = str(getattr(bench_file, "kind", "virtual"))
-        facts: dict[str, object] = {
+        config: BenchConfig | None = getattr(bench_file, "config", None)
+        facts: dict[str, Any] = {
             "bench": bench_file.name,
             "kind": kind,
             "digest": bench_file.digest,
             "built": False,
         }
-        config = getattr(bench_file, "config", None)
+        found = _findings(config, str(getattr(bench_file, "source", reference)), ignored)
         personalities = {
             name: drive.personality
             for name, drive in getattr(config, "drive", {}).items()
@@ -29,36 +49,112 @@ def check_bench(reference: str, *, build: bool, as_json: bool) -> int:
         }
         if personalities:
             facts["personalities"] = [f"{name}: {one}" for name, one in personalities.items()]
+        pending: list[dict[str, Any]] = []
         if build and kind == "virtual":
             started = time.perf_counter()
             with bench_file.build(seed=0) as bench:
-                facts["built"] = True
-                facts["ready_after_s"] = bench.scheduler.now / 1e9  # all that the protocol of a bench has
-                for part in ("axis_names", "drive_names", "encoder_names", "device_names", "segment_names"):
-                    facts[part.removesuffix("_names")] = list(getattr(bench, part, ()))
-                networks = [bench.network(name) for name in getattr(bench, "network_names", ())]
-                nodes = [node for network in networks for node in network.nodes.values()]
-                facts["nodes"] = (
-                    [node.describe() for node in nodes]
-                    if as_json
-                    else [f"{node.name} (node {node.node_id}) {node.boot_state.value}" for node in nodes]
-                )
-                ports = [bench.axis(name).port for name in getattr(bench, "axis_names", ())]
-                on_modbus = [port for port in ports if hasattr(port, "unit")]
-                if on_modbus:
-                    facts["modbus"] = (
-                        [port.describe() for port in on_modbus]
-                        if as_json
-                        else [f"{port.name} (unit {port.unit}) {port.stage.value}" for port in on_modbus]
-                    )
-                facts["signals"] = len(bench.trace().names())
+                facts |= _parts(bench, as_json=as_json)
+                bench.run_for(SETTLING_S)
+                pending = _pending(bench, config, found, ignored)
             facts["wall_s"] = round(time.perf_counter() - started, 3)
+    good = not found and not pending
     if as_json:
-        print_json(facts)
+        print_json({**facts, "good": good, "findings": [one.to_dict() for one in found], "pending": pending})
     else:
-        out = console()
-        out.print(f"{bench_file.name}: good", style="bold green", markup=False)
-        for key, value in facts.items():
-            shown = ", ".join(map(str, value)) if isinstance(value, list) else value
-            out.print(f"  {key}: {shown}", markup=False)
-    return 0
+        _tell(facts, found, pending)
+    return 0 if good else 1
+
+
+def _findings(config: BenchConfig | None, source: str, ignored: Sequence[str]) -> list[Finding]:
+    from hil.bench.rules import RULES, findings
+
+    names = [rule.name for rule in RULES]
+    for name in ignored:
+        if name not in names:
+            raise UnknownNameError("--ignore", name, "a rule", names)
+    if config is None:
+        return []  # an object of the user's own has no tables
+    with located(source):
+        return [one for one in findings(config) if one.rule.name not in ignored]
+
+
+def _parts(bench: Any, *, as_json: bool) -> dict[str, Any]:
+    """Return what is on a bench that has come up."""
+    facts: dict[str, Any] = {"built": True}
+    facts["ready_after_s"] = bench.scheduler.now / 1e9  # all that the protocol of a bench has
+    for part in ("axis_names", "drive_names", "encoder_names", "device_names", "segment_names"):
+        facts[part.removesuffix("_names")] = list(getattr(bench, part, ()))
+    networks = [bench.network(name) for name in getattr(bench, "network_names", ())]
+    nodes = [node for network in networks for node in network.nodes.values()]
+    facts["nodes"] = (
+        [node.describe() for node in nodes]
+        if as_json
+        else [f"{node.name} (node {node.node_id}) {node.boot_state.value}" for node in nodes]
+    )
+    ports = [bench.axis(name).port for name in getattr(bench, "axis_names", ())]
+    on_modbus = [port for port in ports if hasattr(port, "unit")]
+    if on_modbus:
+        facts["modbus"] = (
+            [port.describe() for port in on_modbus]
+            if as_json
+            else [f"{port.name} (unit {port.unit}) {port.stage.value}" for port in on_modbus]
+        )
+    facts["signals"] = len(bench.trace().names())
+    return facts
+
+
+def _pending(
+    bench: Any, config: BenchConfig | None, found: Sequence[Finding], ignored: Sequence[str]
+) -> list[dict[str, Any]]:
+    """Return the alarms that are pending on axes and external encoders, but those of ignored rules."""
+    from hil.bench.rules import KEYS_OF_ALARMS, RULES
+
+    names = [(name, bench.axis(name)) for name in getattr(bench, "axis_names", ())]
+    names += [(name, bench.external_encoder(name)) for name in getattr(bench, "external_encoder_names", ())]
+    unimportant = {rule.alarm for rule in RULES if rule.name in ignored}
+    pending = []
+    for name, handle in names:
+        drive = config.axis[name].drive if config is not None and name in config.axis else ""
+        for alarm in handle.object.engine.pending:
+            if alarm.number in unimportant:
+                continue
+            rules = [one.rule.name for one in found if one.axis == name and one.rule.alarm == alarm.number]
+            known = KEYS_OF_ALARMS.get(alarm.number, ()) if drive else ()
+            keys = [key.format(axis=name, drive=drive) for key in known]
+            pending.append(
+                {
+                    "axis": name,
+                    "alarm": alarm.number,
+                    "reaction": alarm.reaction,
+                    "text": alarm.text or alarm.entry.text,
+                    "rules": rules,
+                    "keys": [] if rules else keys,
+                }
+            )
+    return pending
+
+
+def _tell(facts: dict[str, Any], found: Sequence[Finding], pending: Sequence[dict[str, Any]]) -> None:
+    out = console()
+
+    def say(text: str, style: str | None = None) -> None:
+        out.print(text, style=style, markup=False, soft_wrap=True)
+
+    problems = len(found) + len(pending)
+    if problems:
+        say(f"{facts['bench']}: {problems} {'problem' if problems == 1 else 'problems'}", "bold red")
+    else:
+        say(f"{facts['bench']}: good", "bold green")
+    for one in found:
+        alarm = f": alarm {one.rule.alarm}" if one.rule.alarm else ""
+        say(f"  {one.axis}: {one.sentence}; {one.rule.otherwise}{alarm} ({one.rule.name})")
+        say(f"    change {' or '.join(one.keys)}", "dim")
+    for entry in pending:
+        say(f"  {entry['axis']}: alarm {entry['alarm']} is pending after the start: {entry['text']}")
+        if entry["rules"]:
+            say(f"    because of {', '.join(entry['rules'])}", "dim")
+        elif entry["keys"]:
+            say(f"    change {' or '.join(entry['keys'])}", "dim")
+    for key, value in facts.items():
+        shown = ", ".join(map(str, value)) if isinstance(value, list) else value
+        say(f"  {key}: {shown}")

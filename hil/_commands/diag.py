@@ -4,11 +4,18 @@ middle of a case.
 
 from __future__ import annotations
 
+import sys
+from contextlib import redirect_stdout
+from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
+from hil._built import listen
+from hil._commands._test_run import arguments_of_test
 from hil._commands.terminal import console, print_json, quiet_stdout
 from hil.campaign import CaseContext, Token, load_bench_file, load_campaign
 from hil.errors import BlockedError, TokenError
+from hil.protocols import BenchFile
 from motion.s7.controller import ControllerDiagnosis
 
 
@@ -77,6 +84,8 @@ def _of_case(text: str, reference: str, at_s: float | None, axis: str) -> tuple[
     token = Token.decode(text)
     if token.program is not None:
         raise TokenError("the token of a fuzz program; hil diag repeats cases of campaigns")
+    if token.test_file:
+        return _of_test(token, reference, at_s, axis)
     bench_file = load_bench_file(reference or token.bench or None)
     campaign = load_campaign(token.campaign)
     if token.case not in campaign:
@@ -103,3 +112,42 @@ def _of_case(text: str, reference: str, at_s: float | None, axis: str) -> tuple[
         take()
     found, moment = taken[0]
     return found, f"{case.identifier} on {bench_file.name} at {moment:.3f} s"
+
+
+def _of_test(token: Token, reference: str, at_s: float | None, axis: str) -> tuple[_Snapshot, str]:
+    """Repeat a test of pytest in this process, and look at the bench that it builds last."""
+    import pytest
+
+    taken: list[tuple[_Snapshot, float, str]] = []
+    ready_s: list[float] = []
+
+    def on_bench(bench: Any, bench_file: BenchFile[Any]) -> None:
+        taken.clear()
+        ready_s[:] = [bench.now_s]
+
+        def take() -> None:
+            if not taken:
+                taken.append((_snapshot(bench, axis), bench.now_s, bench_file.name))
+
+        if at_s is None:
+            bench.on_close(take)
+        elif at_s * 1e9 > bench.scheduler.now:
+            bench.scheduler.at(round(at_s * 1e9), take)
+
+    arguments = arguments_of_test(replace(token, bench=reference or token.bench))
+    sys.path.insert(0, str(Path.cwd()))  # as `python -m pytest` does
+    stop = listen(on_bench)
+    try:
+        with redirect_stdout(sys.stderr):
+            pytest.main([*arguments, "-q", "--no-header", "--no-summary", "--tb=no"])
+    finally:
+        stop()
+        sys.path.pop(0)
+    if not taken:
+        why = "built no bench"
+        if ready_s:
+            early = at_s is not None and at_s <= ready_s[0]
+            why = f"has a bench that is ready only after {ready_s[0]:.3f} s" if early else "ended before"
+        raise TokenError(f"--at {at_s:g}: {token.case} {why}" if at_s is not None else f"{token.case} {why}")
+    found, moment, name = taken[0]
+    return found, f"{token.case} on {name} at {moment:.3f} s"

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any, Final
 from fieldbus.errors import ConfigurationError
 from hil._commands.terminal import console
 from hil._interrupt import note
-from hil.bench.segment_config import RESERVED_OPTIONS, CanTable, RtuTable
+from hil.bench.drive_config import ProfidriveModbusTable
+from hil.bench.segment_config import RESERVED_OPTIONS, CanTable, RtuTable, TcpTable
 from hil.campaign import load_bench_file
 from hil.errors import CannotRunError
 
@@ -32,6 +33,7 @@ _BOOT_TIMEOUT_S: Final = 10.0
 _SLICE_S: Final = 0.2
 """How long the scheduler runs until it is asked again: a signal does not wake it."""
 
+_LAST_PORT: Final = 65535
 _TOLD: Final = (
     "drive.nmt",
     "drive.state",
@@ -50,7 +52,7 @@ _TOLD: Final = (
 """Events that are printed."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Place:
     """Where the drives go, as the user says it; empty is for not said."""
 
@@ -58,6 +60,10 @@ class Place:
     channel: str = ""
     options: tuple[str, ...] = ()
     """KEY=VALUE each."""
+    host: str = ""
+    """Address at which drives with Modbus TCP are served."""
+    port: int = 0
+    """TCP port of the first of them; the next ones follow."""
 
     @property
     def said(self) -> bool:
@@ -94,7 +100,7 @@ def emulate_bench(
         raise ConfigurationError("--for", duration_s, "a number of seconds, 0 or more")
     if adapter not in ("", "slcan"):
         raise ConfigurationError("--adapter", adapter, "slcan")
-    config = config_of(reference)
+    config = _served_at(config_of(reference), place)
     emulated = {name: config.devices[name] for name in config.emulated_names}
     if not emulated:
         raise CannotRunError(f"the bench {config.bench.name!r} has no emulated drive")
@@ -144,6 +150,36 @@ def emulate_bench(
         for number, handler in handlers.items():
             signal.signal(number, handler)
     return 0
+
+
+def _served_at(config: BenchConfig, place: Place) -> BenchConfig:
+    """Return the bench file with its emulated drives on Modbus TCP at the place that was asked for.
+
+    Raises:
+        ConfigurationError: There is no such drive, or there are not so many ports.
+
+    """
+    if not place.host and not place.port:
+        return config
+    drives = dict(config.drive)
+    names = [
+        name
+        for name, drive in drives.items()
+        if isinstance(drive, ProfidriveModbusTable)
+        and drive.device == "emulated"
+        and isinstance(config.segment[drive.segment], TcpTable)
+    ]
+    if not names:
+        option, value = ("--port", place.port) if place.port else ("--host", place.host)
+        raise ConfigurationError(option, value, "for drives on Modbus TCP only")
+    if place.port and place.port + len(names) - 1 > _LAST_PORT:
+        raise ConfigurationError("--port", place.port, f"at most {_LAST_PORT - len(names) + 1}")
+    for number, name in enumerate(names):
+        changes: dict[str, object] = {"host": place.host} if place.host else {}
+        if place.port:
+            changes["port"] = place.port + number
+        drives[name] = drives[name].model_copy(update=changes)
+    return config.model_copy(update={"drive": drives})
 
 
 def _presentation(

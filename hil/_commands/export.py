@@ -29,8 +29,8 @@ def export_trace(
         as_json: Tell on standard output what was written.
 
     Raises:
-        CannotRunError: The trace cannot be read, the suffix is unknown, or there is no such signal or
-            segment.
+        CannotRunError: The trace cannot be read, the suffix is unknown, or
+            there is no such signal or segment.
 
     """
     try:
@@ -47,7 +47,7 @@ def export_trace(
         raise CannotRunError(f"--output {output}: that is the file of a saved trace, which would be lost")
     output.parent.mkdir(parents=True, exist_ok=True)
     if suffix in _BUS_FORMATS:
-        told = _write_bus(trace, output, bus, signals)
+        written = _write_bus(trace, output, bus, signals)
     else:
         if bus:
             raise CannotRunError(
@@ -55,10 +55,12 @@ def export_trace(
             )
         names = _chosen(trace, signals)
         write_signals(trace, output, names)
-        told = {"signals": len(names), "samples": max((len(trace[name]) for name in names), default=0)}
+        written = {"signals": len(names), "samples": max((len(trace[name]) for name in names), default=0)}
     if as_json:
-        print_json({"file": str(output), **told})
-    console().print(f"{output}: {', '.join(f'{count} {what}' for what, count in told.items())}", markup=False)
+        print_json({"file": str(output), **written})
+    console().print(
+        f"{output}: {', '.join(f'{count} {what}' for what, count in written.items())}", markup=False
+    )
     return 0
 
 

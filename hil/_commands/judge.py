@@ -15,9 +15,10 @@ from hil.campaign import environment_facts, load_bench_file
 from hil.errors import CannotRunError, RecordingError
 from hil.expect import Expectation, describe, run_checkers
 from hil.record import Trace
+from reports.json_types import JsonObject
 from reports.model import CaseResult, Check, RunResult, Verdict
 from reports.summary import summary
-from reports.text import margin
+from reports.text import check_sentence, margin
 
 if TYPE_CHECKING:
     from hil.logs import LogTrace
@@ -28,7 +29,7 @@ _FORM: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class JudgeRequest:
     """What `hil judge` is asked for."""
 
@@ -41,7 +42,7 @@ class JudgeRequest:
     as_json: bool = False
 
 
-@dataclass(slots=True)
+@dataclass
 class _Recording:
     trace: Trace
     decode: Callable[[Any], str] = repr
@@ -62,7 +63,7 @@ def judge_log(request: JudgeRequest) -> int:
         recording = _read(request)
         wanted, without = read_expectations(request.expect, recording.trace)
         if recording.trace.from_log:
-            recording.notes.append(_rules_told(recording.trace))
+            recording.notes.append(_rules_text(recording.trace))
         run = RunResult(
             title=f"{request.log.name} judged by {request.expect.name}",
             seed=0,
@@ -91,18 +92,19 @@ def judge_log(request: JudgeRequest) -> int:
     return exit_code(run)
 
 
-def _rules_told(trace: Trace) -> str:
+def _rules_text(trace: Trace) -> str:
     """Return which of the rules that hold in every run a log can be judged by."""
     judged = [check.name for check in run_checkers(trace)]
-    told = f"are judged: {', '.join(judged)}" if judged else "cannot be judged at all"
-    return f"of the rules that hold in every run {told}; the others need what a log does not hold"
+    verdict = f"are judged: {', '.join(judged)}" if judged else "cannot be judged at all"
+    return f"of the rules that hold in every run {verdict}; the others need what a log does not hold"
 
 
-def _plain(checks: Sequence[Check]) -> list[dict[str, Any]]:
+def _plain(checks: Sequence[Check]) -> list[JsonObject]:
     return [
         {
             "name": check.name,
             "verdict": check.verdict.value,
+            "sentence": check_sentence(check),
             "expected": check.expected,
             "observed": check.observed,
             "time_s": check.time_s,
@@ -210,7 +212,7 @@ def _judge(
         found = expectation.evaluate(trace)
         checks += found
         if any(check.verdict is not Verdict.PASSED for check in found):
-            judged += expectation.signals_named()
+            judged += expectation.signals_on(trace)
     checks += [check for check in run_checkers(trace) if not without & set(check.requirements)]
     result = CaseResult(name, f"{request.log.name}: {name}", _verdict(checks), group=request.expect.stem)
     bad = [check for check in checks if check.verdict is not Verdict.PASSED]

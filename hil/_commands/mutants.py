@@ -33,7 +33,7 @@ JUNIT_FILE: Final = "mutants.xml"
 _STYLE: Final = {"caught": "green", "explained": "yellow"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class MutantsRequest:
     """What the user asked for."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import selectors
 import sys
 from collections.abc import Callable, Iterator
@@ -13,12 +14,24 @@ from fieldbus.clock import RealtimeScheduler
 from fieldbus.errors import ConfigurationError, HilError
 from hil._commands.terminal import console
 from hil.campaign import load_bench_file
+from motion.s7.alarms import error_text
+from motion.s7.axis.jobs import ERROR_ALARM
 from motion.s7.commissioning import Optimisation, TestStep, precautions
+from motion.s7.instructions import MC_MoveJog
 from reports.html.tuning import write_tuning
 
 _TICK_S: Final = 0.05
 """How often a panel on a terminal lets time pass."""
 _LONGEST_S: Final = 3600.0
+_LOOKING: Final = ("help", "status", "wait")
+"""Commands after which the answer to an earlier one still stands."""
+_SWITCHES: Final = {
+    "StatusWord.X17": "hardware -",
+    "StatusWord.X18": "hardware +",
+    "StatusWord.X15": "software -",
+    "StatusWord.X16": "software +",
+}
+"""Limit switches that are active or passed."""
 _AFTER_COMMAND: Final = 4
 """Cycles that pass after a line of a script, so that it has acted when the next one is read."""
 
@@ -45,25 +58,28 @@ class PanelSession:
         self.panel = self._axis.control_panel(monitoring_s=monitoring_s)
         self.ended = False
         self._seen: object = None
+        self._read: object = None
+        """Job whose error has been read."""
         panel = self.panel
+        length, speed, ramp = (self.unit(name) for name in ("Length", "Velocity", "Acceleration"))
         self.commands: dict[str, tuple[str, str, Callable[..., object]]] = {
             "take": ("", "take the axis from the user program", self._take),
             "release": ("", "disable the axis and give it back", panel.release),
             "enable": ("", "enable the axis", panel.enable),
             "disable": ("", "stop and disable it", panel.disable),
-            "ack": ("", "acknowledge alarms", panel.acknowledge),
-            "velocity": ("V", "velocity at slider 100 %, axis unit/s", self._setter("velocity")),
-            "acceleration": ("A", "acceleration, axis unit/s2", self._setter("acceleration")),
-            "deceleration": ("D", "deceleration, axis unit/s2", self._setter("deceleration")),
-            "jerk": ("J", "jerk, axis unit/s3", self._setter("jerk")),
+            "ack": ("", "acknowledge alarms; what they disabled stays off until `enable`", self._acknowledge),
+            "velocity": ("V", f"velocity at slider 100 %, {speed}", self._setter("velocity")),
+            "acceleration": ("A", f"acceleration, {ramp}", self._setter("acceleration")),
+            "deceleration": ("D", f"deceleration, {ramp}", self._setter("deceleration")),
+            "jerk": ("J", f"jerk, {self.unit('Jerk')}; 0: none is limited", self._setter("jerk")),
             "adjust": ("P", "velocity adjustment, 1 to 200 %", self._setter("adjust")),
             "slide": ("S", "slider, -100 to 100 %; 0 ends the job", panel.slide),
-            "jog": ("[S]", "jog; slider, % (100)", panel.jog),
-            "rel": ("D [S]", "move by a distance; slider, % (100)", panel.move_relative),
-            "abs": ("P [S]", "move to a position; slider, % (100)", panel.move_absolute),
-            "home": ("[P] [S]", "home actively; home position (0), slider", panel.home),
-            "set": ("P", "make this the actual position", panel.set_position),
-            "adjust-encoder": ("P", "adjust the absolute encoder to a position", panel.adjust_encoder),
+            "jog": ("[S]", "jog until `slide 0`; slider, % (100), below 0 backward", self._jog),
+            "rel": ("D [S]", f"move by a distance, {length}; slider, % (100)", panel.move_relative),
+            "abs": ("P [S]", f"move to a position, {length}; slider, % (100)", panel.move_absolute),
+            "home": ("[P] [S]", f"home actively; home position (0 {length}), slider", panel.home),
+            "set": ("P", f"make this the actual position, {length}", panel.set_position),
+            "adjust-encoder": ("P", f"adjust the absolute encoder to this, {length}", panel.adjust_encoder),
             "stop": ("", "stop with the greatest deceleration", panel.stop),
             "optimise": ("D V A [TOL]", "optimise the position controller with a test step", self._optimise),
             "status": ("", "the pages of the axis", lambda: self._write(self._axis.diagnosis().text())),
@@ -72,37 +88,68 @@ class PanelSession:
             "quit": ("", "give the axis back and end", self._quit),
         }
 
+    def unit(self, quantity: str) -> str:
+        """Return the unit of a quantity of the axis: Length, Velocity, Acceleration or Jerk."""
+        path = {
+            "Length": "Position" if self._axis.has_position else "Velocity",
+            "Velocity": "DynamicLimits.MaxVelocity",
+            "Acceleration": "DynamicLimits.MaxAcceleration",
+            "Jerk": "DynamicLimits.MaxJerk",
+        }[quantity]
+        return str(self._axis.variables.unit(path))
+
+    def prompt(self) -> str:
+        """Return axis, state, who has it, and the unit of its positions."""
+        state = self._axis.state.name.lower().replace("_", " ")
+        return f"{self._axis.name} {state}{'' if self.panel.active else ' (program)'} {self.unit('Length')}> "
+
+    def values(self) -> list[str]:
+        """Return position, velocity and following error with their units, and the limit switches."""
+        axis = self._axis
+        shown = [f"velocity {self._value('ActualVelocity' if axis.has_position else 'Velocity', '.4g')}"]
+        if axis.has_position:
+            shown.insert(0, f"position {self._value('ActualPosition', '.6g')}")
+            shown.append(f"following error {self._value('StatusPositioning.FollowingError', '.3g')}")
+            active = [name for path, name in _SWITCHES.items() if axis.var(path)]
+            shown.append(f"limit switches {', '.join(active) or 'free'}")
+        return shown
+
+    def _value(self, path: str, form: str) -> str:
+        # + 0.0: no minus in front of a rounded zero
+        return f"{float(format(self._axis.var(path), form)) + 0.0:{form}} {self._axis.variables.unit(path)}"
+
     def line(self) -> str:
         """Return the state of axis and panel in one line."""
-        axis, panel = self._axis, self.panel
-        parts = [
-            f"{self._bench.now_s:9.3f} s",
-            "panel" if panel.active else "program",
-            axis.state.name.lower(),
-            f"velocity {axis.var('ActualVelocity' if axis.has_position else 'Velocity'):.4g}",
-        ]
-        if axis.has_position:
-            parts.insert(3, f"position {axis.var('ActualPosition'):.6g}")
-        return "  ".join([*parts, *self._notes()])
+        who = "panel" if self.panel.active else "program"
+        state = self._axis.state.name.lower().replace("_", " ")
+        return "  ".join([f"{self._bench.now_s:9.3f} s", who, state, *self.values(), *self.notes()])
 
-    def _notes(self) -> list[str]:
-        """Return what an operator needs besides state and position: failed job, alarm, loss of control."""
+    def notes(self) -> list[str]:
+        """Return what an operator needs besides state and values: failed job, alarm, motion that continues
+        until it is ended, loss of control.
+        """
         panel, notes = self.panel, []
         job = panel.job
-        if job is not None and job.Error:
-            notes.append(f"{job.instruction} refused or ended with {job.ErrorID:04X}h")
         pending = self._axis.alarms.engine.highest
-        if pending is not None and pending.number:
-            notes.append(f"alarm {pending.number} {pending.text}")
+        alarm = f"alarm {pending.number}: {pending.text}" if pending and pending.number else ""
+        if job is not None and job.Error and job is not self._read:
+            reason = alarm if alarm and job.ErrorID == ERROR_ALARM else error_text(job.ErrorID)
+            notes.append(f"{job.instruction} failed, {reason}")
+        elif alarm:
+            notes.append(alarm)
+        if panel.acknowledging:
+            notes.append("the acknowledgement waits until the drive is off")
+        if isinstance(job, MC_MoveJog) and job.Busy and panel.slider:
+            notes.append(f"jogs at slider {panel.slider:g} % until `slide 0`")
         if panel.error_id:
-            notes.append(f"{panel.error_id:04X}h {panel.message}")
+            notes.append(f"control was lost, {error_text(panel.error_id)} ({panel.message})")
         elif panel.message and not panel.active:
-            notes.append(panel.message)
+            notes.append(f"control was returned: {panel.message}")
         return notes
 
     def changed(self) -> bool:
         """Return whether something has happened since the last call that no line was typed for."""
-        now = (self.panel.active, self._axis.state, tuple(self._notes()))
+        now = (self.panel.active, self._axis.state, tuple(self.notes()))
         before, self._seen = self._seen, now
         return now != before
 
@@ -129,6 +176,8 @@ class PanelSession:
             numbers = [float(value) for value in values]
         except ValueError as error:
             raise ConfigurationError(f"values of {name}", " ".join(values), f"numbers: {usage}") from error
+        if name not in _LOOKING and not self._axis.alarms.engine.number:
+            self._read = self.panel.job
         act(*numbers)
 
     def let_pass(self, cycles: int = _AFTER_COMMAND) -> None:
@@ -142,6 +191,23 @@ class PanelSession:
             self._bench.run_until(lambda: not self.panel.active, timeout=10.0)
             self._write(self.line())
         self.panel.disconnect()
+
+    def _acknowledge(self) -> None:
+        disabled = self._axis.enabling.alarmed
+        self.panel.acknowledge()
+        self._read = self.panel.job
+        if disabled:
+            self._write("the alarm has disabled the axis: it stays off until `enable`")
+
+    def _jog(self, slider: float = 100.0) -> None:
+        job = self.panel.jog(slider)
+        if slider:
+            velocity = job.Velocity * abs(slider) / 100.0
+            way = "forward" if slider > 0.0 else "backward"
+            self._write(
+                f"jogs {way} at {velocity:g} {self.unit('Velocity')} until `slide 0` or `stop`; "
+                "`slide S` changes velocity and direction"
+            )
 
     def _setter(self, name: str) -> Callable[[float], None]:
         return lambda value: setattr(self.panel, name, value)
@@ -185,7 +251,7 @@ class PanelSession:
                     f"overshoot {one.overshoot:8.4f}  settled after {one.settling_s:6.3f} s  "
                     f"{'good' if one.good else 'overshoots'}"
                 )
-        unit = self._axis.variables.unit("Position")
+        unit = self.unit("Length")
         page = write_tuning(self._plot, found.attempts, axis=self._axis.name, unit=unit)
         self._write(
             f"recommended: {', '.join(f'{path} = {value:.6g}' for path, value in found.start_values.items())}"
@@ -211,7 +277,7 @@ def run_panel(bench: str, *, axis: str, monitoring_s: float, plot: Path, stdin: 
     with load_bench_file(bench or None).build(seed=0) as machine:
         session = PanelSession(machine, axis, monitoring_s=monitoring_s, plot=plot, write=_tell)
         interactive = source.isatty()
-        lines = _typed(source, machine, session) if interactive else source
+        lines = _lines(source, machine, session) if interactive else source
         try:
             for number, text in enumerate(lines, start=1):
                 try:
@@ -238,13 +304,22 @@ def _tell(text: str) -> None:
         print(text, flush=True)  # noqa: T201 - this is the answer
 
 
+def _lines(source: TextIO, machine: Any, session: PanelSession) -> Iterator[str]:
+    """Return the lines that a person types: with prompt and live values where the screen can show them."""
+    _tell(f"{session.line()}\n(help lists the commands)")
+    session.changed()
+    if source is sys.stdin and sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb":
+        from hil._commands._panel_screen import typed
+
+        return typed(machine, session, tell=_tell)
+    return _typed(source, machine, session)
+
+
 def _typed(source: TextIO, machine: Any, session: PanelSession) -> Iterator[str]:
     """Yield lines as they are typed; meanwhile time passes, and events are printed."""
     virtual = not isinstance(machine.scheduler, RealtimeScheduler)
     selector = selectors.DefaultSelector()
     selector.register(source, selectors.EVENT_READ)
-    _tell(f"{session.line()}\n(help lists the commands)")
-    session.changed()
     while True:
         while not selector.select(_TICK_S if virtual else 0.0):
             machine.run_for(_TICK_S)

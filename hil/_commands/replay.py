@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
+import subprocess
+import sys
 from pathlib import Path
 
+from hil._commands._test_run import arguments_of_test
 from hil._commands.run import exit_code, finish, tell
 from hil._commands.terminal import CaseProgress, console, print_json, quiet_stdout
 from hil.campaign import CaseSettings, Token, execute_case, load_bench_file, load_campaign, write_evidence
@@ -11,12 +15,14 @@ from hil.campaign._runner import clear_run, environment_facts
 from hil.errors import TokenError
 from reports import summary
 from reports.model import CaseResult, RunResult
-from reports.store import RUN_FILE, save_run
+from reports.store import RUN_FILE, load_run, save_run
 
 
 def replay_token(text: str, *, report: Path, force: bool, as_json: bool) -> int:
     """Repeat the case of a token, write its report, return the exit code."""
     token = Token.decode(text)
+    if token.test_file:
+        return _replay_test(token, report=report, as_json=as_json)
     with quiet_stdout(as_json):
         bench_file = load_bench_file(token.bench or None)
         if token.bench_digest and token.bench_digest != bench_file.digest:
@@ -27,7 +33,7 @@ def replay_token(text: str, *, report: Path, force: bool, as_json: bool) -> int:
             if not force:
                 raise TokenError(f"{message} (repeat it all the same with --force)")
             console().print(f"warning: {message}", style="yellow", markup=False)
-        with CaseProgress(1, "replay") as progress:
+        with CaseProgress(1, "replay", verbose=True) as progress:
             result = _execute(token, text, bench_file, report)
             progress.case_done(result, 1, 1)
         run = RunResult(
@@ -70,3 +76,32 @@ def _execute(token: Token, text: str, bench_file: object, report: Path) -> CaseR
     execution = execute_case(campaign[token.case], bench_file, CaseSettings(seed=token.seed, token=text))
     write_evidence(execution, report, "all")
     return execution.result
+
+
+def _replay_test(token: Token, *, report: Path, as_json: bool) -> int:
+    """Repeat a test of pytest, in a process of its own, and return the exit code."""
+    arguments = arguments_of_test(token, report=report)
+    if not as_json:
+        console().print(f"pytest {shlex.join(arguments)}", markup=False)
+    if (report / RUN_FILE).exists():
+        clear_run(report)
+    # What pytest writes goes to the terminal; JSON on standard output has to stand alone.
+    subprocess.run(  # noqa: S603 - pytest, with the arguments of the token
+        [sys.executable, "-m", "pytest", *arguments], check=False, stdout=sys.stderr if as_json else None
+    )
+    run = load_run(report, lazy=True) if (report / RUN_FILE).exists() else None
+    result = next((case for case in run.cases if case.identifier == token.case), None) if run else None
+    if run is None or result is None:
+        raise TokenError(f"pytest did not run {token.case}; what it says is above")
+    if result.token and Token.decode(result.token).bench_digest != token.bench_digest:
+        console().print(
+            "warning: the bench has changed since the token was made; the test may have run differently",
+            style="yellow",
+            markup=False,
+        )
+    if as_json:
+        content = summary(run, report=str(report / "report.html"), junit=str(report / "junit.xml"))
+        print_json(
+            {**content, "case": result.identifier, "verdict": result.verdict.value, "message": result.message}
+        )
+    return exit_code(run)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, cast
 
 from hil._commands.terminal import CaseProgress, console, print_json, quiet_stdout
 from hil._outputs import check_summary, give_summary, kept
+from hil._own_catalogue import load_catalogue
 from hil._requirements import complete
 from hil.campaign import (
     SHIPPED,
@@ -24,13 +27,13 @@ from hil.campaign._runner import shard
 from hil.campaign._shipped import references
 from hil.errors import CannotRunError
 from reports import Background, ReportPaths, replay_command, summary, write_report
-from reports.model import RunResult, Verdict
+from reports.model import Earlier, RunResult, Verdict
 from reports.store import load_run
 
 _KEEP: Final = ("failed", "all", "none")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class RunRequest:
     """What the user asked for."""
 
@@ -55,10 +58,16 @@ class RunRequest:
     """File of the history; empty: in the report folder; `none`: no history."""
     summary: str = ""
     """Where the markdown summary goes; empty: nowhere."""
+    verbose: bool = False
+    """A line for each case."""
+    catalogue: Path | None = None
+    """Requirements of the user, which lead the report."""
 
 
 def run_campaigns(request: RunRequest) -> int:
     """Run, report, and return the exit code."""
+    if request.catalogue is not None:
+        load_catalogue(request.catalogue)  # what is wrong with it is said before anything runs
     check_summary(request.summary, as_json=request.as_json)
     if request.evidence not in _KEEP:
         raise CannotRunError(f"--evidence {request.evidence!r} is not allowed; allowed: {', '.join(_KEEP)}")
@@ -202,10 +211,12 @@ def run_selected(cases: list[Selected], request: RunRequest) -> int:
         cluster=request.cluster,
     )
     with quiet_stdout(request.as_json), only_run_in(request.report):
-        with CaseProgress(len(shard(cases, options.shard))) as progress:
+        mine = shard(cases, options.shard)
+        groups = Counter(item.case.group for item in mine)
+        with CaseProgress(len(mine), groups=groups, verbose=request.verbose) as progress:
             run = Runner(cases, options, on_result=progress.case_done).run()
         background = kept(run, request.report, request.history)
-        paths = finish(run, request.report, background)
+        paths = finish(run, request.report, background, catalogue=request.catalogue)
     give_summary(request.summary, run, background, paths)
     if request.as_json:
         print_json(summary(run, report=str(paths.report), junit=str(paths.junit)))
@@ -222,10 +233,18 @@ def _refuse_live(cases: list[Selected], bench: str) -> None:
             )
 
 
-def finish(run: RunResult, directory: Path, background: Background | None = None) -> ReportPaths:
-    """Write the report of a run."""
-    complete(run)
-    return write_report(run, directory, background=background)
+def finish(
+    run: RunResult,
+    directory: Path,
+    background: Background | None = None,
+    earlier: Mapping[str, Earlier] | None = None,
+    catalogue: Path | None = None,
+) -> ReportPaths:
+    """Write the report of a run; `earlier`: runs of its cases to compare with, instead of last passes;
+    `catalogue`: requirements of the user.
+    """
+    complete(run, catalogue)
+    return write_report(run, directory, background=background, earlier=earlier)
 
 
 def exit_code(run: RunResult) -> int:

@@ -6,9 +6,9 @@ import contextlib
 import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, TextIO
+from typing import TYPE_CHECKING, Any, Final, Self, TextIO
 
 from reports.model import CaseResult, Verdict
 
@@ -63,18 +63,42 @@ def time_left(elapsed_s: float, finished: int, remaining: int) -> str:
     return f"about {clock} left"
 
 
-class CaseProgress:
-    """Progress of long work: a bar on a terminal, a line per case elsewhere."""
+_QUIET_S: Final = 30.0
+"""After so long without a line a run that is not watched says how far it is."""
 
-    def __init__(self, total: int, title: str = "cases") -> None:
+
+class CaseProgress:
+    """Progress of long work: a bar on a terminal; elsewhere a line for each group of cases, and for each case
+    that did not pass.
+
+    Args:
+        total: Number of cases or steps.
+        title: What they are.
+        groups: Number of cases of each group; a group gets its line when so many have ended.
+        verbose: A line for each case, wherever the output goes.
+
+    """
+
+    def __init__(
+        self,
+        total: int,
+        title: str = "cases",
+        *,
+        groups: Mapping[str, int] | None = None,
+        verbose: bool = False,
+    ) -> None:
         self._total = total
         self._title = title
+        self._groups = dict(groups or {})
+        self._verbose = verbose
         self._console = console()
         self._bar: Progress | None = None
         self._task: Any = None
         self._counts = dict.fromkeys(Verdict, 0)
+        self._open: dict[str, list[CaseResult]] = {}
+        """Cases of the groups that have not got their line yet."""
         # Wall time, for the person who waits; it controls nothing.
-        self._began = time.monotonic()
+        self._began = self._spoke = time.monotonic()
         self._finished = 0
 
     def __enter__(self) -> Self:
@@ -99,27 +123,48 @@ class CaseProgress:
     ) -> None:
         if self._bar is not None:
             self._bar.stop()
+        for group in list(self._open):
+            self._tell_group(group)
 
     def case_done(self, result: CaseResult, done: int, total: int) -> None:
         """Show a finished case."""
         self._counts[result.verdict] += 1
         self._finished += 1
-        width = len(str(total))
         left = time_left(time.monotonic() - self._began, self._finished, total - done)
-        line = (
-            f"[{done:{width}}/{total}] {result.verdict.value:7} {result.identifier} ({result.wall_s:.2f} s)"
-        )
-        if self._bar is None and left:
-            line += f" {left}"
-        if self._bar is None or result.verdict is not Verdict.PASSED:
-            self._console.print(line, style=_STYLE[result.verdict], markup=False)
-        if result.verdict is not Verdict.PASSED and result.message:
-            self._console.print(f"    {result.message}", style="dim", markup=False)
+        bad = result.verdict is not Verdict.PASSED
+        if self._verbose or bad:
+            width = len(str(total))
+            line = f"{result.verdict.value:7} {result.identifier} ({result.wall_s:.2f} s)"
+            line = f"[{done:{width}}/{total}] {line}"
+            self._say(line if self._bar is not None or not left else f"{line} {left}", _STYLE[result.verdict])
+        if bad and result.message:
+            self._say(f"    {result.message}", "dim")
         if self._bar is not None:
             counts = ", ".join(f"{count} {verdict.value}" for verdict, count in self._counts.items() if count)
             self._bar.update(self._task, completed=done, last=f"{left}  {counts}")
+        elif not self._verbose:
+            self._open.setdefault(result.group, []).append(result)
+            if len(self._open[result.group]) == self._groups.get(result.group):
+                self._tell_group(result.group)
+            elif time.monotonic() - self._spoke > _QUIET_S:
+                self._say(f"{done} of {total} {self._title} {left}".rstrip())
 
     def step(self, done: int, text: str = "") -> None:
         """Show progress of work that has no cases."""
         if self._bar is not None:
             self._bar.update(self._task, completed=done, last=text)
+
+    def _tell_group(self, group: str) -> None:
+        cases = self._open.pop(group)
+        counts = ", ".join(
+            f"{count} {verdict.value}"
+            for verdict in Verdict
+            if (count := sum(case.verdict is verdict for case in cases))
+        )
+        good = all(case.verdict is Verdict.PASSED for case in cases)
+        took = sum(case.wall_s for case in cases)
+        self._say(f"{group or self._title}: {counts} ({took:.1f} s)", "green" if good else "")
+
+    def _say(self, line: str, style: str = "") -> None:
+        self._spoke = time.monotonic()
+        self._console.print(line, style=style, markup=False)

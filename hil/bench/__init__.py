@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import tomli_w
 
+from fieldbus.errors import located
+from hil._built import announce
 from hil.bench.config import EMBEDDED, BenchConfig, BenchFileError, digest, parse, read
 
 if TYPE_CHECKING:
@@ -68,10 +70,20 @@ class BenchFile:
         return BenchFile(self.source, tomli_w.dumps(merged(tomllib.loads(self.text), tables)))
 
     def build(self, *, seed: int = 0) -> Bench:
-        """Return a fresh, started bench."""
+        """Return a fresh, started bench.
+
+        Raises:
+            ConfigurationError: A file that the bench needs is missing or wrong,
+                or values do not fit together.
+            BlockedError: A bus or a drive is not there.
+
+        """
         from hil.bench.bench import Bench
 
-        return Bench(self.config, seed=seed)
+        with located(self.source):
+            bench = Bench(self.config, seed=seed)
+        announce(bench, self)
+        return bench
 
 
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -85,8 +97,8 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
 
 
 def load_bench(path: str | Path | None = None) -> BenchFile:
-    """Load and validate a bench file; a name of `EMBEDDED` or None stands for a bench that ships with the
-    product.
+    """Load and validate a bench file; a name of `EMBEDDED` or None stands for a
+    bench that ships with the product.
 
     Raises:
         BenchFileError: No such file, or its content is not usable.

@@ -3,33 +3,55 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Mapping
 from difflib import get_close_matches
-from types import UnionType
-from typing import (
-    TYPE_CHECKING,
-    Annotated,
-    Any,
-    Final,
-    NamedTuple,
-    TypeGuard,
-    Union,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, get_args, get_origin
 
-from pydantic import BaseModel, Discriminator, Tag
+from hil.bench._models import (
+    alternatives,
+    choices_of,
+    hints_of,
+    keys_of,
+    model_of,
+    range_of,
+    tagged_of,
+    variants_of,
+)
+from hil.bench._table import WHOLE_SENTENCE
 
 if TYPE_CHECKING:
-    from pydantic import ValidationError
+    from pydantic import BaseModel, ValidationError
     from pydantic_core import ErrorDetails
 
 _UNKNOWN: Final = ("extra_forbidden", "unexpected_keyword_argument")
 CHOOSING: Final = ("profile", "kind", "type")
 """Keys that choose the model of a table."""
 _MISSING: Final = ("missing", "missing_keyword_only_argument")
+
+
+_OUT_OF_RANGE: Final = (
+    "greater_than",
+    "greater_than_equal",
+    "less_than",
+    "less_than_equal",
+    "finite_number",
+    "int_from_float",
+)
+_NO_TABLE: Final = (
+    "dict_type",
+    "model_type",
+    "model_attributes_type",
+    "dataclass_type",
+    "union_tag_not_found",
+)
+"""A value that stands where a table belongs."""
+_SMALLEST: Final = {
+    "bench": ("[bench]", '[bench]\nname = "my bench"'),
+    "segment": ("[segment.NAME]", "[segment.can0]"),
+}
+"""Tables that every bench file has: what the message calls them, and the smallest example."""
+_FEW: Final = 12
+"""Keys of a table up to which all of them are listed in addition to the one that was meant."""
 
 
 class Place(NamedTuple):
@@ -52,7 +74,25 @@ def messages(root: type[BaseModel], source: str, error: ValidationError) -> str:
         error: What the validation says.
 
     """
-    return "\n".join(_line(root, source, problem) for problem in error.errors())
+    # An unknown table often is why others are incomplete.
+    problems = sorted(error.errors(), key=lambda problem: problem["type"] not in _UNKNOWN)
+    meant = {_meant(root, problem) for problem in problems if problem["type"] in _UNKNOWN}
+    return "\n".join(
+        _line(root, source, problem)
+        for problem in problems
+        if problem["type"] not in _MISSING or problem["loc"] not in meant
+    )
+
+
+def _meant(root: type[BaseModel], problem: ErrorDetails) -> tuple[int | str, ...]:
+    """Return where a misspelt key would have been right, so that it is not called missing too."""
+    *table, key = problem["loc"]
+    return (*table, _nearest(_place(root, problem["loc"]), str(key)))
+
+
+def shown_key(key: str) -> str:
+    """Return a key as TOML writes it: in quotes if it has a dot or another special character."""
+    return key if re.fullmatch(r"[\w-]+", key, re.ASCII) else f'"{key}"'
 
 
 def _line(root: type[BaseModel], source: str, problem: ErrorDetails) -> str:
@@ -60,14 +100,25 @@ def _line(root: type[BaseModel], source: str, problem: ErrorDetails) -> str:
     if location[-1:] == ("[key]",):
         location = location[:-2]  # a wrong key of a dictionary is its value to the reader
     place = _place(root, location)
-    where = ".".join((f"{source}: {place.path[0]}", *place.path[1:])) if place.path else source
+    path = ".".join(map(shown_key, place.path))
+    where = f"{source}: {path}" if path else source
     text = problem["msg"].removeprefix("Value error, ")
     context = problem.get("ctx", {})
     value = problem["input"]
+    if problem["type"] == WHOLE_SENTENCE:
+        return f"{where}: {text}"
     if problem["type"] in _UNKNOWN and place.table is not None:
         return f"{where}: {_unknown(place, str(problem['loc'][-1]))}"
     if problem["type"] in _MISSING:
+        if path in _SMALLEST:
+            table, example = _SMALLEST[path]
+            shown = example.replace("\n", "\n    ")
+            return f"{source}: the table {table} is missing; the smallest one:\n    {shown}"
         return f"{where}: the key is missing"
+    if problem["type"] in _NO_TABLE:
+        return f"{where}: {value!r} is not allowed; allowed: {_table_at(root, location, path)}"
+    if problem["type"] == "too_short" and path in _SMALLEST:
+        return f"{where}: the table is empty; allowed: one table {_SMALLEST[path][0]} or more"
     if problem["type"] == "union_tag_invalid":
         return where + _wrong_tag(root, problem["loc"], value)
     if "expected" in context:
@@ -79,16 +130,36 @@ def _line(root: type[BaseModel], source: str, problem: ErrorDetails) -> str:
         tables = variants_of(_hint_at(root, problem["loc"]))
         names_key = key is not None and any(key[0] in keys_of(one) for one in tables)
         return f"{where}{'.' if names_key else ': '}{text}"
+    if problem["type"] in _OUT_OF_RANGE:
+        allowed = range_of(_hint_at(root, problem["loc"]))
+        text = f"allowed: {'a finite number' if allowed == 'any' else allowed}"
+    elif problem["type"] == "string_too_short":
+        text = "allowed: a text that is not empty"
     return f"{where}: {value!r} is not allowed; {text}"
+
+
+def _table_at(root: type[BaseModel], location: tuple[int | str, ...], path: str) -> str:
+    """Return which table belongs to a place, as its head is written: `a table [drive.drive1]`."""
+    hint = _hint_at(root, location)
+    of_tables = model_of(hint) is None and variants_of(_inner(hint, "NAME"))
+    return f"tables [{path}.NAME]" if of_tables else f"a table [{path}]"
 
 
 def _unknown(place: Place, key: str) -> str:
     having = dict.fromkeys(_label(one) for one in place.others if key in keys_of(one))
     if having and place.table is not None:
         return f"{_label(place.table)} has none; it is a key of {', '.join(having)}"
-    allowed = list(keys_of(place.table))
-    near = get_close_matches(key, allowed, n=1)
-    return f"unknown key; allowed: {', '.join(allowed)}" + (f"; similar: {near[0]}" if near else "")
+    allowed = keys_of(place.table)
+    near = _nearest(place, key)
+    if not near:
+        return f"unknown key; allowed: {', '.join(allowed)}"
+    more = f" allowed: {', '.join(allowed)}" if len(allowed) <= _FEW else ""
+    return f"unknown key; did you mean {near}?{more}"
+
+
+def _nearest(place: Place, key: str) -> str:
+    """Return the key of the table that was meant; empty: none is near."""
+    return next(iter(get_close_matches(key, keys_of(place.table), n=1)), "")
 
 
 def _choices(place: Place) -> str:
@@ -132,7 +203,7 @@ def _place(root: type[BaseModel], location: tuple[int | str, ...]) -> Place:
             hint, table, others = chosen, chosen, siblings
             continue
         path.append(str(part))
-        model = _model(hint)
+        model = model_of(hint)
         if model is not None:
             table = model
             if at < len(location) - 1:  # the same table within the siblings
@@ -143,7 +214,7 @@ def _place(root: type[BaseModel], location: tuple[int | str, ...]) -> Place:
                     for inner in variants_of(hints_of(one)[str(part)])
                 ]
                 hint = hints_of(model).get(str(part))
-                inside = _model(hint)
+                inside = model_of(hint)
                 others = [one for one in siblings if one is not inside]
         else:
             hint = _inner(hint, part)
@@ -154,7 +225,7 @@ def _hint_at(root: type[BaseModel], location: tuple[int | str, ...]) -> object:
     hint: object = root
     for part in location:
         tagged = tagged_of(hint)
-        model = _model(hint)
+        model = model_of(hint)
         if part in tagged:
             hint = tagged[str(part)]
         elif model is not None:
@@ -173,67 +244,3 @@ def _inner(hint: object, part: int | str) -> object:
         if get_origin(one) is tuple and isinstance(part, int):
             return arguments[0] if arguments[1:] == (Ellipsis,) else arguments[min(part, len(arguments) - 1)]
     return None
-
-
-def alternatives(hint: object) -> Iterator[object]:
-    """Yield the members of a union, without annotations."""
-    if get_origin(hint) is Annotated:
-        yield from alternatives(get_args(hint)[0])
-    elif get_origin(hint) in (Union, UnionType):
-        for one in get_args(hint):
-            yield from alternatives(one)
-    else:
-        yield hint
-
-
-def is_table(hint: object) -> TypeGuard[type]:
-    """Whether a type is the model of a table."""
-    return isinstance(hint, type) and (issubclass(hint, BaseModel) or is_dataclass(hint))
-
-
-def variants_of(hint: object) -> list[type]:
-    """Return the models of a table: one, or those of a union."""
-    return [one for one in alternatives(hint) if is_table(one)]
-
-
-def _model(hint: object) -> type | None:
-    variants = variants_of(hint)
-    return variants[0] if len(variants) == 1 else None
-
-
-def tagged_of(hint: object) -> dict[str, type]:
-    """Return the models of a discriminated union by their tags."""
-    if get_origin(hint) is not Annotated:
-        return {}
-    inner, *marks = get_args(hint)
-    if not any(isinstance(one, Discriminator) for one in marks):
-        return {}
-    return {
-        mark.tag: get_args(one)[0]
-        for one in get_args(inner)
-        for mark in get_args(one)[1:]
-        if isinstance(mark, Tag)
-    }
-
-
-def hints_of(model: type) -> dict[str, object]:
-    """Return the type hints of the keys of a table, in their order."""
-    hints = get_type_hints(model, include_extras=True)
-    return {key: hints[key] for key in keys_of(model)}
-
-
-def keys_of(model: type | None) -> tuple[str, ...]:
-    """Return the keys of a table, in their order."""
-    if model is None:
-        return ()
-    if issubclass(model, BaseModel):
-        return tuple(model.model_fields)
-    return tuple(one.name for one in fields(model))  # type: ignore[arg-type]  # a dataclass
-
-
-def choices_of(model: type, key: str) -> tuple[Any, ...]:
-    """Return the literals that a key may have; nothing for a key of another type."""
-    if key not in keys_of(model):
-        return ()
-    literals = [one for one in alternatives(hints_of(model)[key]) if get_args(one) and not is_table(one)]
-    return tuple(choice for one in literals for choice in get_args(one) if isinstance(choice, str | int))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from motion.drives.station import StationLink
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class PortSite:
     """What the controller has to reach a drive.
 

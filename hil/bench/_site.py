@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from hil.bench.bench_config import BenchTable
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class DeviceSite:
     """Where an emulated device works.
 

@@ -21,6 +21,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from fieldbus.errors import ConfigurationError
+from hil.bench._models import alternatives
 
 _SCALARS: Final[Mapping[type, str]] = {
     bool: "true or false",
@@ -28,6 +29,9 @@ _SCALARS: Final[Mapping[type, str]] = {
     float: "a number",
     str: "a text",
 }
+
+WHOLE_SENTENCE: Final = "whole_sentence"
+"""Type of a mistake whose text says everything: its value is not what is wrong."""
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -46,8 +50,8 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     label: ClassVar[str] = ""
-    """How messages call this table among those that stand in the same place: `a drive with profile =
-    "cia402"`.
+    """How messages call this table among those that stand in the same place: `a
+    drive with profile = "cia402"`.
     """
 
     @field_validator("*", mode="wrap")
@@ -67,13 +71,19 @@ def refused_by_part(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
         raise ValueError(str(error)) from None
 
 
+def sentence(text: str, place: tuple[str | int, ...], value: object) -> InitErrorDetails:
+    """Return a mistake at a place within a table, whose message is the text alone."""
+    error = PydanticCustomError(WHOLE_SENTENCE, "{text}", {"text": text})
+    return InitErrorDetails(type=error, loc=place, input=value)
+
+
 def _of_another_type(hint: Any, value: Any, path: tuple[str | int, ...]) -> Iterator[InitErrorDetails]:
     """Yield an error for a text where a number is expected and the like; a model checks its own fields."""
-    if is_dataclass(hint):
-        hints = _hints(hint)  # type: ignore[arg-type]  # a class: annotations name no instances
+    tables = [one for one in alternatives(hint) if isinstance(one, type) and is_dataclass(one)]
+    if tables:
         for key, one in value.items() if isinstance(value, Mapping) else ():
-            if key in hints:
-                yield from _of_another_type(hints[key], one, (*path, key))
+            found = next((_hints(table)[key] for table in tables if key in _hints(table)), None)
+            yield from _of_another_type(found, one, (*path, key))
         return
     if get_origin(hint) is tuple and isinstance(value, (list, tuple)):
         inner = get_args(hint)

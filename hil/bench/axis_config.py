@@ -2,11 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Final, Literal
 
-from pydantic import Field, PlainValidator, WithJsonSchema
+from pydantic import (
+    BeforeValidator,
+    Field,
+    PlainValidator,
+    ValidationError,
+    WithJsonSchema,
+    model_validator,
+)
 
-from hil.bench._table import Table
+from hil.bench._table import Table, sentence
+from motion.s7.variables import elements, refused_values, variables_of
+
+OBJECTS: Final[Mapping[str, str]] = {
+    "positioning": "PositioningAxis",
+    "speed": "SpeedAxis",
+    "synchronous": "SynchronousAxis",
+}
+"""Technology object of a `type` of axis."""
 
 
 def second_of(drive: str) -> str:
@@ -24,6 +40,70 @@ def _start_value(value: object) -> object:
 StartValue = Annotated[
     bool | int | float, PlainValidator(_start_value), WithJsonSchema({"type": ["number", "boolean"]})
 ]
+
+
+def _paths(table: object) -> object:
+    """Return the table of variables as it is; a path that is a table of its own has not been quoted."""
+    if isinstance(table, Mapping):
+        unquoted = [
+            sentence(f'quote the path: "{path}" = {_toml(value)}', (key,), below)
+            for key, below in table.items()
+            if isinstance(below, Mapping)
+            for path, value in _leaves(str(key), below)
+        ]
+        if unquoted:
+            raise ValidationError.from_exception_data("variables", unquoted)
+    return table
+
+
+def _leaves(path: str, table: Mapping[object, object]) -> Iterator[tuple[str, object]]:
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(f"{path}.{key}", value)
+        else:
+            yield f"{path}.{key}", value
+
+
+def _toml(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+StartValues = Annotated[dict[str, StartValue], BeforeValidator(_paths)]
+
+
+def check_variables(kind: str, variables: Mapping[str, object]) -> None:
+    """Check start values against the variables of a technology object.
+
+    Args:
+        kind: Its type.
+        variables: Values by path.
+
+    Raises:
+        ValidationError: With every variable that there is not, or that cannot have its value.
+
+    """
+    problems = []
+    refused = {error.where: error for error in refused_values(kind, variables)}
+    if kind == "SpeedAxis":
+        of_positions = _paths_of("PositioningAxis") - _paths_of(kind)
+        wrong = [path for path in refused if path in of_positions]
+        for path in wrong:
+            del refused[path]
+        if wrong:
+            text = f"a speed axis has no {', '.join(wrong)}: these are variables of axes with a position"
+            problems.append(sentence(text, ("variables",), None))
+    problems += [
+        sentence(str(error).removeprefix(f"{path}: "), ("variables", path), error.value)
+        for path, error in refused.items()
+    ]
+    if problems:
+        raise ValidationError.from_exception_data(kind, problems)
+
+
+def _paths_of(kind: str) -> set[str]:
+    return {path for variable in variables_of(kind) for path in elements(variable)}
+
+
 HomingInput = Literal["home", "negative_limit", "positive_limit"]
 
 
@@ -61,8 +141,15 @@ class AxisTable(Table):
     """
     ramp_times: dict[str, float] = {}
     """Ramps as times in place of accelerations ([Axes](axis-configuration.md))."""
-    variables: dict[str, StartValue] = {}
+    variables: StartValues = {}
     """Start values of the technology object, by original path."""
+
+    @model_validator(mode="after")
+    def _has_what_it_says(self) -> AxisTable:
+        if self.type == "speed" and self.encoders is not None:
+            raise ValueError("encoders: a speed axis has no encoder (CFG-174)")
+        check_variables(OBJECTS[self.type], self.variables)
+        return self
 
 
 class ExternalEncoderTable(Table):
@@ -76,5 +163,10 @@ class ExternalEncoderTable(Table):
     """
     homing_input: HomingInput = "home"
     """That switch."""
-    variables: dict[str, StartValue] = {}
+    variables: StartValues = {}
     """Start values of the technology object, by original path."""
+
+    @model_validator(mode="after")
+    def _known_variables(self) -> ExternalEncoderTable:
+        check_variables("ExternalEncoder", self.variables)
+        return self

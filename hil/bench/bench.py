@@ -1,8 +1,8 @@
 """The bench: what a bench file describes, wired, in virtual or in real time.
 
-Both kinds share everything but the medium and the place of the emulated devices: a bench in virtual time
-holds them itself; on a live bench they run in a process of their own (`hil.bench.remote`), or are real
-hardware.
+Both kinds share everything but the medium and the place of the emulated devices: a bench in
+virtual time holds them itself; on a live bench they run in a process of their own
+(`hil.bench.remote`), or are real hardware.
 """
 
 from __future__ import annotations
@@ -13,16 +13,18 @@ from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING, Final, Self
 
-from fieldbus.clock import MS, RealtimeScheduler, S, Scheduler, VirtualScheduler, seconds_to_ns
-from fieldbus.errors import ConfigurationError
+from fieldbus.clock import MS, RealtimeScheduler, S, Scheduler, VirtualScheduler
+from fieldbus.errors import ConfigurationError, UnknownAttributeError
 from fieldbus.history import History
 from hil.bench.control import ControlSystem
 from hil.bench.emulated import DeviceBuilder, EmulatedDevices, named_rng
 from hil.bench.frame_texts import FrameTexts
 from hil.bench.names import cob_ids, component_names, named, nodes_on
+from hil.bench.numbers import axis_numbers
 from hil.bench.segments import Segments
 from hil.bench.vocabulary import bench_vocabulary
-from hil.errors import UnsupportedFaultError
+from hil.bench.waiting import UnmetWait, check_condition, checked_ns
+from hil.errors import ExpectationFailedError, UnsupportedFaultError
 from hil.record import Recorder, Trace, Vocabulary
 from motion.s7.call_log import CallLog
 from motion.s7.runtime import Runtime
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
     from hil.bench.remote import RemoteDevices
     from hil.bench.segments import Segment
     from hil.bench.telegram_master import TelegramMaster
+    from hil.expect.golden import ReferenceAxis
     from hil.protocols import Device, Drive, Encoder
     from motion.drives.profidrive_encoder import ProfidriveEncoderPort
     from motion.drives.station import StationLink
@@ -48,6 +51,32 @@ if TYPE_CHECKING:
     from motion.s7.handles import AxisHandle, EncoderHandle
 
 _GC_THRESHOLD: Final = 100_000
+_INJECTOR: Final = 'faults.inject("drive.fault", ...): `faults` is a fixture, else hil.Injector(bench)'
+_INSTEAD: Final = {
+    "axes": 'bench.axis("x"), with a name of bench.axis_names',
+    "drives": 'bench.drive("x_drive"), with a name of bench.drive_names',
+    "encoders": 'bench.encoder("scale"), with a name of bench.encoder_names',
+    "devices": 'bench.device("box"), with a name of bench.device_names',
+    "stations": 'bench.station("io"), with a name of bench.station_names',
+    "segments": 'bench.segment("can0"), with a name of bench.segment_names',
+    "networks": 'bench.network("can0"), with a name of bench.network_names',
+    "nodes": 'bench.node("x_drive")',
+    "inject": _INJECTOR,
+    "faults": _INJECTOR,
+    "injector": _INJECTOR,
+    "check": "trace.check(alarm(421)): `trace` is a fixture, else hil.CurrentTrace(bench)",
+    "run": "bench.run_for(0.5)",
+    "sleep": "bench.run_for(0.5)",
+    "step": "bench.run_for(0.5)",
+    "wait": 'bench.run_for(0.5), or bench.wait_until(job.done, 5.0, "homing")',
+    "wait_for": 'bench.wait_until(job.done, 5.0, "homing")',
+    "time": "bench.now_s",
+    "time_s": "bench.now_s",
+    "now": "bench.now_s",
+    "events": "bench.trace().events",
+    "signal": 'bench.trace()["x.actual_position"]',
+}
+"""What is meant by names that a bench does not have."""
 
 
 class Bench:
@@ -88,6 +117,7 @@ class Bench:
         self._cycle_callbacks: list[Callable[[], object]] = []
         self._telegrams: dict[str, TelegramMaster] = {}
         self._remote: RemoteDevices | None = None
+        self._unmet: UnmetWait | None = None
         with ExitStack() as stack:
             self._keep_garbage(stack)
             self._segments = Segments(config, self.scheduler, self.history)
@@ -128,8 +158,8 @@ class Bench:
         stack.callback(gc.set_threshold, *before)
 
     def _find_devices(self, stack: ExitStack) -> EmulatedDevices | RemoteDevices:
-        """Return the emulated devices: those of this process, still switched off, or those of the drive
-        process.
+        """Return the emulated devices: those of this process, still switched off,
+        or those of the drive process.
         """
         config, scheduler = self.config, self.scheduler
         if not isinstance(scheduler, RealtimeScheduler):
@@ -165,6 +195,19 @@ class Bench:
     def axis(self, name: str | None = None) -> AxisHandle:
         """Return an axis by name, or the first one."""
         return named("axis", self._control.axes, name)
+
+    def golden(self, axis: str | None = None) -> ReferenceAxis:
+        """Return the golden numbers of an axis by name, or of the first one.
+
+        Its ramps follow from the bench file by formula, for example
+        `bench.golden("z").emergency(60.0)` from 60 mm/s.
+
+        Raises:
+            ConfigurationError: There is no such axis, or its drive has no
+                ramps of its own.
+
+        """
+        return axis_numbers(self.config, self.axis(axis), self.cycle_ns)
 
     def external_encoder(self, name: str | None = None) -> EncoderHandle:
         """Return an external encoder (technology object) by name, or the first one."""
@@ -209,8 +252,8 @@ class Bench:
         return named("encoder", encoders, name)
 
     def encoder_port(self, name: str | None = None) -> ProfidriveEncoderPort:
-        """Return the controller's port to a PROFIdrive encoder with a node of its own by name, or the first
-        one.
+        """Return the controller's port to a PROFIdrive encoder with a node of its
+        own by name, or the first one.
 
         Raises:
             ConfigurationError: There is no such encoder that the bench leads.
@@ -230,8 +273,8 @@ class Bench:
         return named("device", devices, name)
 
     def station(self, name: str | None = None) -> ModbusIoStation:
-        """Return an emulated I/O station by name, or the first one: `bench.station("io").input(3)` is a
-        channel.
+        """Return an emulated I/O station by name, or the first one:
+        `bench.station("io").input(3)` is a channel.
 
         Raises:
             ConfigurationError: There is no such station.
@@ -251,8 +294,8 @@ class Bench:
         return named("CAN segment", self._segments.masters, name)
 
     def node(self, drive_name: str | None = None) -> RemoteNode:
-        """Return a drive or an encoder as its controller sees it, by name; default: the drive of the first
-        axis.
+        """Return a drive or an encoder as its controller sees it, by name;
+        default: the drive of the first axis.
 
         Raises:
             ConfigurationError: There is no such drive, or it is on Modbus.
@@ -268,8 +311,8 @@ class Bench:
         return node
 
     def port(self, drive_name: str | None = None) -> Port:
-        """Return the port by which the controller leads a drive, by the name of the drive, or the first
-        one.
+        """Return the port by which the controller leads a drive, by the name
+        of the drive, or the first one.
         """
         return named("drive with an axis", self._control.ports.by_name, drive_name)
 
@@ -283,8 +326,8 @@ class Bench:
         return named("station", self._control.links, name)
 
     def telegram(self, name: str | None = None) -> TelegramMaster:
-        """Return the master of a PROFIdrive drive without an axis: the test leads it by the signals of its
-        telegram.
+        """Return the master of a PROFIdrive drive without an axis: the test leads it
+        by the signals of its telegram.
 
         The first call takes the drive into service and waits until it answers; not inside of a callback.
 
@@ -395,12 +438,77 @@ class Bench:
     # -- time -----------------------------------------------------------------------------------------------
 
     def run_for(self, seconds: float) -> None:
-        """Let `seconds` of bench time pass."""
-        self.scheduler.run_for(seconds_to_ns(seconds))
+        """Let `seconds` (0 or more) of bench time pass.
+
+        Raises:
+            ConfigurationError: It is no such time.
+
+        """
+        self.scheduler.run_for(checked_ns("bench.run_for", seconds))
 
     def run_until(self, predicate: Callable[[], object], timeout: float) -> bool:
-        """Run until `predicate` is true or `timeout` seconds have passed; returns whether it became true."""
-        return self.scheduler.run_until(predicate, seconds_to_ns(timeout))
+        """Run until `predicate` is true or `timeout` seconds have passed; returns whether it became true.
+
+        Raises:
+            ConfigurationError: The predicate is no function: `job.done()` in place of `job.done`; or the
+                timeout is no time of 0 s or more.
+
+        """
+        check_condition("bench.run_until", predicate)
+        if self.scheduler.run_until(predicate, checked_ns("bench.run_until.timeout", timeout)):
+            self._unmet = None
+            return True
+        self._unmet = UnmetWait(predicate, timeout, self.scheduler.now)
+        return False
+
+    def wait_until(self, condition: Callable[[], object], timeout: float, what: str = "") -> float:
+        """Run until `condition` is true, and return the time at which it is, s.
+
+        Args:
+            condition: What is waited for: an output of a job such as `job.done`, or any function.
+            timeout: Limit, s.
+            what: Its meaning, for the message.
+
+        Raises:
+            ExpectationFailedError: It did not come in time; the message says what was waited for, how it
+                ended, and why.
+            ConfigurationError: The condition is no function: `job.done()` in place of `job.done`.
+
+        """
+        __tracebackhide__ = True
+        check_condition("bench.wait_until", condition)
+        if not self.run_until(condition, timeout):
+            raise ExpectationFailedError(f"{what}: {self.unmet_wait()}" if what else self.unmet_wait())
+        return self.now_s
+
+    def unmet_wait(self) -> str:
+        """Return why the last `run_until` gave up, in words; empty when it did
+        not, or time has passed since.
+        """
+        unmet = self._unmet
+        if unmet is None or unmet.ended_ns != self.scheduler.now:
+            return ""
+        return unmet.summary(self.summary())
+
+    def summary(self) -> str:
+        """Return the axes with their states and pending alarms: `x STANDSTILL
+        at 0 mm; z DISABLED, alarm 521`.
+        """
+        return "; ".join(axis.summary() for axis in self._control.axes.values())
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> object:
+            """Say what a name that a bench does not have is called here."""
+            instead = _INSTEAD.get(name, "")
+            if not instead and not name.startswith("_"):
+                from motion.s7.handles import AxisHandle
+
+                instead = f"bench.axis().{name}: it belongs to an axis" if hasattr(AxisHandle, name) else ""
+            raise UnknownAttributeError(self, name, what="the bench", instead=instead)
+
+    def __repr__(self) -> str:
+        return f"<Bench {self.config.bench.name!r} at {self.now_s:.3f} s: {self.summary()}>"
 
     @property
     def now_s(self) -> float:
@@ -438,8 +546,8 @@ class Bench:
 
     @property
     def allowed_lateness_s(self) -> float:
-        """Lateness up to which measured times and distances mean something, s: `[tolerance]` of the bench
-        file.
+        """Lateness up to which measured times and distances mean something, s:
+        `[tolerance]` of the bench file.
         """
         section = self.config.tolerance
         return section.time_s if section.lateness_s is None else section.lateness_s
@@ -486,8 +594,8 @@ class Bench:
 
         Args:
             frame: The frame.
-            segment: Where it was, for a bench with several segments whose nodes have equal node-IDs; None =
-                anywhere.
+            segment: Where it was, for a bench with several segments whose nodes have
+                equal node-IDs; None = anywhere.
 
         Raises:
             ConfigurationError: There is no such segment.
@@ -500,6 +608,10 @@ class Bench:
     def release_drives(self) -> None:
         """Stop the controller and disable every drive that it leads; two cycles of SYNC make it act."""
         self._control.release_drives()
+
+    def on_close(self, callback: Callable[[], object]) -> None:
+        """Call `callback` before the bench is closed, while its devices can still be asked."""
+        self._closing.callback(callback)
 
     def close(self) -> None:
         """Release buses, threads and processes; harmless when called again."""

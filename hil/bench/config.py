@@ -6,6 +6,7 @@ A bench file is TOML. Every mistake is reported with the file, the key, the valu
 from __future__ import annotations
 
 import hashlib
+import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from importlib.resources import files
@@ -22,6 +23,7 @@ from hil.bench.bench_config import BenchTable, ToleranceTable
 from hil.bench.device_config import DeviceTable
 from hil.bench.drive_config import (
     WITH_G2,
+    WITH_SWITCHES,
     AnalogDriveTable,
     AnyDrive,
     CanDriveTable,
@@ -30,6 +32,7 @@ from hil.bench.drive_config import (
     ProfidriveCanTable,
     ProfidriveModbusTable,
 )
+from hil.bench.drive_tables import second_encoder_variables
 from hil.bench.encoder_config import AnyEncoder, EncoderTable
 from hil.bench.io_config import LIMITS, StationTable
 from hil.bench.segment_config import AnySegment, RtuTable, TcpTable
@@ -49,6 +52,10 @@ EMBEDDED: Final = (
 )
 """Benches that ship with the product, usable by name."""
 
+SWITCH_LEVELS: Final = ("PositionLimits_HW.MinSwitchLevel", "PositionLimits_HW.MaxSwitchLevel")
+"""Variables with the level of an actuated limit switch."""
+_MOST_STEPS: Final = 1 << 23
+"""Greatest `StepsPerRevolution` of an encoder of an axis."""
 _ANCHORED: Final = {"drive": ("eds", "storage", "map"), "device": ("eds", "storage")}
 """Keys of tables by name that may be files relative to the bench file."""
 
@@ -104,8 +111,8 @@ class BenchConfig(Table):
         return used
 
     def leads(self, segment: str) -> bool:
-        """Whether the bench is the controller on a segment: it moves an axis there, or nobody else can be
-        there.
+        """Whether the bench is the controller on a segment: it moves an axis
+        there, or nobody else can be there.
         """
         if any(self.drive[axis.drive].segment == segment for axis in self.axis.values()):
             return True
@@ -135,6 +142,40 @@ class BenchConfig(Table):
         if not isinstance(drive, AnalogDriveTable):
             return {}
         return drive.wired_variables(self.axis[name].drive, self.station)
+
+    def start_values(self, name: str) -> dict[str, Any]:
+        """Return the start values of the variables of an axis: what it says, and otherwise what follows from
+        drive, encoders, switches and wires.
+        """
+        axis = self.axis[name]
+        drive = self.drive[axis.drive]
+        values: dict[str, Any] = dict(drive.taken_over())
+        if axis.type != "speed":
+            if isinstance(drive, WITH_SWITCHES):
+                level = not drive.switches.normally_closed
+                values |= dict.fromkeys(SWITCH_LEVELS, level)
+            encoders = self.encoders_of_axis(name) or (axis.drive,)
+            for number, encoder in enumerate(encoders, start=1):
+                values |= self._values_of_encoder(axis, encoder, f"Sensor[{number}]")
+        return {**values, **self.wired_variables(name), **axis.variables}
+
+    def _values_of_encoder(self, axis: AxisTable, encoder: str, sensor: str) -> dict[str, Any]:
+        """Return the variables that follow from an encoder of an axis."""
+        drive = self.drive[axis.drive]
+        if encoder == axis.drive:
+            steps, fine = (
+                f"{sensor}.Parameter.{one}" for one in ("StepsPerRevolution", "FineResolutionXist1")
+            )
+            given = steps in axis.variables or fine in axis.variables
+            # One of the two alone says which share of the other is meant: both keep to the axis then.
+            counts, bits = drive.increments_per_revolution, drive.fine_resolution_bits
+            while counts > _MOST_STEPS and counts % 2 == 0:
+                counts, bits = counts // 2, bits + 1
+            return {} if given or counts > _MOST_STEPS else {steps: counts, fine: bits}
+        if encoder == second_of(axis.drive):
+            second = drive.second_encoder
+            return {} if second is None else second_encoder_variables(second, sensor)
+        return self.encoder[encoder].taken_over(sensor)
 
     def inputs_of_axis(self, name: str) -> str | None:
         """Return the station to which the switches of an axis are wired; None: those at its drive count."""
@@ -230,8 +271,6 @@ class BenchConfig(Table):
         where = f"axis.{name}.encoders"
         drive = self.drive[axis.drive]
         if axis.type == "speed":
-            if axis.encoders is not None:
-                raise ValueError(f"{where}: a speed axis has no encoder (CFG-174)")
             return
         encoders = (axis.drive,) if axis.encoders is None else axis.encoders
         encoders = self.encoders_of_axis(name) or encoders
@@ -503,8 +542,8 @@ def _own_file(owners: dict[str, str], where: str, storage: str | None) -> None:
 
 
 def _anchor_files(data: dict[str, Any], folder: Path) -> None:
-    """Make the names of files relative to the folder of the bench file; what is no text is left to the
-    checks.
+    """Make the names of files relative to the folder of the bench file; what is
+    no text is left to the checks.
     """
     bench = data.get("bench")
     if isinstance(bench, dict):
@@ -523,8 +562,8 @@ def _anchor(table: dict[str, Any], key: str, folder: Path) -> None:
 
 
 class BenchFileError(ConfigurationError):
-    """The bench file cannot be used; the message lists every mistake with file, key, value and what is
-    allowed.
+    """The bench file cannot be used; the message lists every mistake with file,
+    key, value and what is allowed.
     """
 
     def __init__(self, source: str, message: str) -> None:
@@ -548,13 +587,22 @@ def parse(text: str, source: str) -> BenchConfig:
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise BenchFileError(source, f"{source}: this is not valid TOML: {error}") from None
+        hint = _unquoted(text, str(error))
+        raise BenchFileError(source, f"{source}: this is not valid TOML: {error}{hint}") from None
     folder = Path(source).parent if source not in EMBEDDED else None
     _anchor_files(data, Path(source).parent)
     try:
         return BenchConfig.model_validate(data, context={"folder": folder})
     except ValidationError as error:
         raise BenchFileError(source, messages(BenchConfig, source, error)) from None
+
+
+def _unquoted(text: str, error: str) -> str:
+    """Return the advice to quote the path of a variable with brackets, if that is what cannot be read."""
+    line = re.search(r"at line (\d+)", error)
+    written = text.splitlines()[int(line[1]) - 1] if line is not None else ""
+    path = re.match(r"\s*(\w+\[\d+\][\w.]*)\s*=", written)
+    return f'; quote the path: "{path[1]}"' if path is not None else ""
 
 
 def read(path: str | Path | None) -> tuple[str, str]:

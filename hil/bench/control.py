@@ -1,13 +1,14 @@
-"""The controller of a bench: runtime, ports to its drives, axes, encoders and I/O stations as it sees
-them.
+"""The controller of a bench: runtime, ports to its drives, axes, encoders
+and I/O stations as it sees them.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from fieldbus.clock import MS, S
+from fieldbus.errors import located
 from hil.bench.axis_config import AxisTable, ExternalEncoderTable, second_of
 from hil.bench.controller_buses import ControllerBuses
 from hil.bench.drive_ports import DrivePorts
@@ -80,9 +81,11 @@ class ControlSystem:
         if config.encoder:
             self._connect_encoders(segments)
         for name, section in config.axis.items():
-            self._add_axis(name, section)
+            with located(f"axis.{name}"):
+                self._add_axis(name, section)
         for name, external in config.external_encoder.items():
-            self._add_external_encoder(name, external)
+            with located(f"external_encoder.{name}"):
+                self._add_external_encoder(name, external)
         for link in self.links.values():
             runtime.after_cycle.append(link.exchange)
 
@@ -115,18 +118,13 @@ class ControlSystem:
     def _add_axis(self, name: str, section: AxisTable) -> None:
         config = self._config
         port = self.ports.add(section.drive)
-        variables: dict[str, Any] = dict(config.drive[section.drive].taken_over())
+        variables = config.start_values(name)
         encoders: list[EncoderPort | Port] | None = None
         named = config.encoders_of_axis(name)
         if named is not None:
-            encoders = []
-            for number, one in enumerate(named, start=1):
-                encoder, own = self._encoder_of_axis(section, one, f"Sensor[{number}]")
-                encoders.append(encoder)
-                variables |= own
+            encoders = [self._encoder_of_axis(section, one) for one in named]
         if section.connection == "data_block":
             self.ports.telegram_port(section.drive).connect_block()
-        variables |= {**config.wired_variables(name), **section.variables}
         axis: TechnologyAxis = _AXES[section.type](
             name,
             port,
@@ -160,20 +158,18 @@ class ControlSystem:
         self._record(name, axis)
         self._note_limits(name, axis)
 
-    def _encoder_of_axis(
-        self, section: AxisTable, encoder: str, sensor: str
-    ) -> tuple[EncoderPort | Port, dict[str, Any]]:
-        """Return the port to an encoder of an axis, and the variables that follow from it."""
+    def _encoder_of_axis(self, section: AxisTable, encoder: str) -> EncoderPort | Port:
+        """Return the port to an encoder of an axis."""
         if encoder == section.drive:
-            return self.ports.by_name[encoder], {}
+            return self.ports.by_name[encoder]
         if encoder == second_of(section.drive):
             from motion.drives.profidrive_second import SecondEncoderPort
 
             second = self._config.drive[section.drive].second_encoder
             assert second is not None  # checked with the bench file
             port = self.ports.telegram_port(section.drive)
-            return SecondEncoderPort(port, absolute_encoder=second.absolute), second.taken_over(sensor)
-        return self._encoder_ports[encoder], self._config.encoder[encoder].taken_over(sensor)
+            return SecondEncoderPort(port, absolute_encoder=second.absolute)
+        return self._encoder_ports[encoder]
 
     @property
     def _interpolator_ns(self) -> int:
@@ -261,8 +257,8 @@ class ControlSystem:
         return axis.connection == "data_block" and axis.servo.drive_port.link_ok
 
     def release_drives(self) -> None:
-        """Stop the runtime and disable every drive that the controller leads; two cycles of SYNC make it
-        act.
+        """Stop the runtime and disable every drive that the controller leads;
+        two cycles of SYNC make it act.
         """
         self._runtime.stop()
         if self.ports.release():

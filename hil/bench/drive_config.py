@@ -1,16 +1,14 @@
-"""`[drive.NAME]` of a bench file: one model per profile, each of which builds its drive and the controller's
-port.
+"""`[drive.NAME]` of a bench file: one model per profile, each of which builds its
+drive and the controller's port.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
-from annotated_types import Unit
 from pydantic import (
     Discriminator,
     Field,
@@ -21,25 +19,43 @@ from pydantic import (
     model_validator,
 )
 
-from emulators.drive.machine import BrakeConfig, SafetyConfig
+from emulators.drive.analog_config import AnalogConfig, AnalogSettings
+from emulators.drive.homing_config import HomingConfig
+from emulators.drive.keys import (
+    BlockedTime_ms,
+    BootTime_ms,
+    CsvInterpolation,
+    EncoderKind,
+    FollowingError,
+    Increments,
+    IndexIncrements,
+    MaxSpeed_rpm,
+    MissingSetpoints,
+    Off1Ramp_s,
+    Off3Ramp_s,
+    PowerOnDelay_ms,
+    RatedTorque_nm,
+    SyncJitter_percent,
+    SyncLoss,
+    TorquePrecontrol,
+    VelocityTimeConstant_ms,
+)
+from emulators.drive.machine import BrakeConfig, LinearAxisConfig, SafetyConfig, SwitchesConfig
+from emulators.drive.positioner_config import PositionerSettings
+from emulators.drive.pto_settings import PtoSettings
+from emulators.drive.safety_config import SafeMotionConfig
 from emulators.drive.supply import SupplyConfig
 from emulators.drive.thermal import ThermalConfig
 from fieldbus.clock import MS
 from fieldbus.errors import ConfigurationError
 from fieldbus.node_clock import NodeClock
+from fieldbus.profidrive.errors import TelegramError
 from hil.bench._table import NodeId, Port, RampTime, Table, Time_ms, Word, refused_by_part
 from hil.bench.drive_tables import (
-    AnalogTable,
     AnySecondEncoder,
-    HomingTable,
-    MechanicsTable,
     NoSecondEncoder,
-    PositionerTable,
-    ProfidriveSafetyTable,
     ProfidriveTable,
-    PtoTable,
     SecondEncoderTable,
-    SwitchTable,
 )
 from hil.bench.segment_config import CanTable
 
@@ -47,7 +63,6 @@ if TYPE_CHECKING:
     import canopen
 
     from emulators.drive.analog import AnalogDrive
-    from emulators.drive.analog_config import AnalogConfig
     from emulators.drive.cia402 import CiA402Drive, DriveConfig
     from emulators.drive.profidrive import ProfidriveCanDrive, ProfidriveConfig
     from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
@@ -90,7 +105,7 @@ _AT_SIGNAL_OUTPUT: Final[Mapping[str, tuple[bool | float, bool | float]]] = {
 }
 """Variables of an axis at an encoder-signal output: required value and default (CFG-413, CFG-414)."""
 _HEAD_AND_TAIL: Final = {"write": (9, 8), "read": (8, 5), "exchange": (13, 5)}
-"""Characters of request and response beside the registers, on a serial line (MODB-011)."""
+"""Characters of request and response in addition to the registers, on a serial line (MODB-011)."""
 _RECORD_BYTES: Final = 14
 """Registers of a request for one parameter, with the header of data record 47."""
 
@@ -111,13 +126,11 @@ class _DriveTable(Table):
     segment: str
     """Name of the segment at which the drive is connected."""
     optional: bool = False
-    """The bench is ready without this drive; the drive is taken in when it comes, and its axis can be used
-    then.
+    """The bench is ready without this drive; the drive is taken in when it comes,
+    and its axis can be used then.
     """
-    increments_per_revolution: Annotated[int, Field(ge=4, le=2**24), Unit("inc/rev")] = 131072
-    """Resolution of the encoder (608Fh)."""
-    max_speed_rpm: Annotated[float, Field(ge=1.0, le=200_000.0)] = 3000.0
-    """Maximum speed, to which the ramp times refer (p1082, 6080h)."""
+    increments_per_revolution: Increments = 131072
+    max_speed_rpm: MaxSpeed_rpm = 3000.0
 
     @property
     def second_encoder(self) -> SecondEncoderTable | None:
@@ -125,7 +138,7 @@ class _DriveTable(Table):
         return None
 
     @property
-    def machine(self) -> MechanicsTable | None:
+    def machine(self) -> LinearAxisConfig | None:
         """What the drive moves; None: nothing."""
         return None
 
@@ -144,9 +157,14 @@ class _DriveTable(Table):
         """Torque of a setpoint of 100 %, Nm."""
         return 2.0
 
+    @property
+    def fine_resolution_bits(self) -> int:
+        """Bits of the actual position on top of `increments_per_revolution`."""
+        return 0
+
     def taken_over(self) -> dict[str, float]:
-        """Return the variables that an axis takes over from the drive, as an offline transfer does
-        (CFG-356).
+        """Return the variables that an axis takes over from the drive, as an
+        offline transfer does (CFG-356).
         """
         return {
             "Actor.DriveParameter.ReferenceSpeed": self.reference_speed_rpm,
@@ -217,8 +235,7 @@ class _NodeTable(_DriveTable):
     """Expected 1018h:3."""
     serial: Word | None = None
     """Expected 1018h:4."""
-    boot_time_ms: Time_ms = 0.0
-    """From power-on of the emulated drive to its boot-up frame."""
+    boot_time_ms: BootTime_ms = 0.0
 
     @model_validator(mode="after")
     def _one_watch(self) -> _NodeTable:
@@ -279,24 +296,14 @@ class _ServoTable(_DriveTable):
 
     terminals: ClassVar[Mapping[str, Sequence[str]]] = {"digital_inputs": SWITCHES, "counters": ("encoder",)}
 
-    encoder: Literal["incremental", "absolute"] = "incremental"
-    """An absolute encoder keeps its position over a loss of supply."""
-    index_increments: Annotated[int, Field(ge=0), Unit("inc")] = 0
-    """Place of the index (zero mark) within the revolution; below `increments_per_revolution`."""
-    off3_ramp_s: RampTime = 0.5
-    """From maximum speed to zero with OFF3 (p1135, 6085h); at a CiA 402 drive the slope has to fit into
-    6085h.
-    """
-    rated_torque_nm: Annotated[float, Field(ge=0.001, le=1_000_000.0)] = 2.0
-    """Rated torque (6076h); torques on the bus are permille of it. The default limit is three times this."""
-    velocity_time_constant_ms: Annotated[float, Field(gt=0.0, le=1000.0)] = 2.0
-    """Time constant of the closed speed loop of the emulated drive, at least three servo periods."""
-    torque_precontrol: bool = True
-    """The emulated drive pre-controls the torque of its inertia and follows an interpolated speed without
-    lag; without it the speed loop is a first-order lag, as position loops are tuned against.
-    """
-    mechanics: MechanicsTable = MechanicsTable()
-    switches: SwitchTable = SwitchTable()
+    encoder: EncoderKind = "incremental"
+    index_increments: IndexIncrements = 0
+    off3_ramp_s: Off3Ramp_s = 0.5
+    rated_torque_nm: RatedTorque_nm = 2.0
+    velocity_time_constant_ms: VelocityTimeConstant_ms = 2.0
+    torque_precontrol: TorquePrecontrol = True
+    mechanics: LinearAxisConfig = LinearAxisConfig()
+    switches: SwitchesConfig = SwitchesConfig()
     brake: BrakeConfig = BrakeConfig()
 
     @model_validator(mode="after")
@@ -309,7 +316,7 @@ class _ServoTable(_DriveTable):
         return self
 
     @property
-    def machine(self) -> MechanicsTable:
+    def machine(self) -> LinearAxisConfig:
         """What the drive moves."""
         return self.mechanics
 
@@ -343,29 +350,24 @@ class _ServoTable(_DriveTable):
                 velocity_integral_time_s=self.velocity_time_constant_ms / 100.0,
                 torque_feedforward=self.torque_precontrol,
             ),
-            "mechanics": self.mechanics.build(self.switches),
+            "mechanics": self.mechanics,
+            "switches": self.switches,
             "encoder": EncoderConfig(
                 kind=self.encoder,
                 counts_per_revolution=self.increments_per_revolution,
                 zero_mark_counts=self.index_increments,
             ),
             "brake": self.brake,
-            "input_filter_s": self.switches.input_filter_ms / 1000.0,
-            "rated_torque_Nm": self.rated_torque_nm,
+            "rated_torque_nm": self.rated_torque_nm,
         }
 
 
 class _PoweredServoTable(_ServoTable):
     """What a servo drive on a bus has: power stage with DC link and protection."""
 
-    off1_ramp_s: RampTime = 1.0
-    """From maximum speed to zero with OFF1 (p1121, 6084h); at a CiA 402 drive the slope has to fit into
-    6084h.
-    """
-    power_on_delay_ms: Time_ms = 0.0
-    """Time of transition 3 in the emulated drive."""
-    blocked_time_ms: Annotated[float, Field(ge=0.0, le=60_000.0)] = 0.0
-    """Torque limit at standstill for this long is fault 7121h of the emulated drive; 0 = not watched."""
+    off1_ramp_s: Off1Ramp_s = 1.0
+    power_on_delay_ms: PowerOnDelay_ms = 0.0
+    blocked_time_ms: BlockedTime_ms = 0.0
     supply: SupplyConfig = SupplyConfig()
     thermal: ThermalConfig = ThermalConfig()
 
@@ -375,8 +377,8 @@ class _PoweredServoTable(_ServoTable):
             **self.servo_parts(),
             "supply": self.supply,
             "thermal": self.thermal,
-            "power_on_delay_s": self.power_on_delay_ms / 1000.0,
-            "blocked_time_s": self.blocked_time_ms / 1000.0,
+            "power_on_delay_ms": self.power_on_delay_ms,
+            "blocked_time_ms": self.blocked_time_ms,
         }
 
 
@@ -390,24 +392,16 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable):
     """How the emulated drive differs from the profile: a name of `hil personalities`, or a file `*.toml`,
     relative to the bench file.
     """
-    sync_loss: Literal["fault", "warning", "none"] = "fault"
-    """What the emulated drive does when SYNC stays away."""
-    sync_jitter_percent: Annotated[float, Field(ge=0.0, le=50.0)] = 0.0
-    """SYNC that comes early or late by more than this part of the bus cycle has the effect of `sync_loss`; 0
-    = not watched.
-    """
-    missing_setpoints: Annotated[int, Field(ge=0, le=1000), Unit("cycles")] = 2
-    """Setpoints in a row that may be missing before the emulated drive reacts as 6007h says; 0 = never."""
-    following_error: Literal["fault", "status"] = "fault"
-    """What the emulated drive does when its own following error exceeds 6065h: fault 8611h, or bit 13 only.
-    """
-    csv_interpolation: bool = True
-    """The emulated drive reaches a csv setpoint linearly within the cycle; false: at once."""
+    sync_loss: SyncLoss = "fault"
+    sync_jitter_percent: SyncJitter_percent = 0.0
+    missing_setpoints: MissingSetpoints = 2
+    following_error: FollowingError = "fault"
+    csv_interpolation: CsvInterpolation = True
     eds: str | None = None
-    """EDS or DCF that the emulated drive presents on the bus, relative to the bench file; none: that of the
-    product.
+    """EDS or DCF that the emulated drive presents on the bus, relative to the bench
+    file; none: that of the product.
     """
-    homing: HomingTable = HomingTable()
+    homing: HomingConfig = HomingConfig()
     safety: SafetyConfig = SafetyConfig()
 
     @field_validator("personality")
@@ -446,15 +440,14 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable):
             control_period_ns=bench.control_period_ns,
             **self.powered_parts(),
             safety=self.safety,
-            homing_move=self.homing.move,
-            hard_stop_methods=self.homing.methods(),
-            following_error_reaction=self.following_error,
+            homing=self.homing,
+            following_error=self.following_error,
             csv_interpolation=self.csv_interpolation,
-            boot_time_s=self.boot_time_ms / 1000.0,
+            boot_time_ms=self.boot_time_ms,
             # The axis watches the limit switches; a drive that stopped by itself would fight its ramp.
             limit_switch_reaction="none",
-            sync_loss_reaction=self.sync_loss,
-            sync_jitter=self.sync_jitter_percent / 100.0,
+            sync_loss=self.sync_loss,
+            sync_jitter_percent=self.sync_jitter_percent,
             missing_setpoints=self.missing_setpoints,
             eds=None if self.eds is None else Path(self.eds),
             storage=self.storage_path,
@@ -479,10 +472,7 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable):
                 (0x6092, 2): 1,
             },
         )
-        drive = load_personality(self.personality).apply(drive)
-        if self.homing.offset is not None:  # what the bench file says itself wins over the personality
-            drive = replace(drive, home_offset=self.homing.offset)
-        return drive
+        return load_personality(self.personality).apply(drive)
 
     def build(self, site: DeviceSite) -> CiA402Drive:
         """Return the emulated drive, still switched off."""
@@ -526,10 +516,15 @@ class _ProfidriveTable(_PoweredServoTable):
     """Telegram of the drive; a positioning axis needs one with encoder value, from 3 on; 7, 9, 20, 110 and
     111 are for drives without an axis, which a test leads (`bench.telegram()`).
     """
-    safety: ProfidriveSafetyTable = ProfidriveSafetyTable()
+    safety: SafeMotionConfig = SafeMotionConfig()
     encoder2: AnySecondEncoder = NoSecondEncoder()
     profidrive: ProfidriveTable = ProfidriveTable()
-    positioner: PositionerTable | None = None
+    positioner: PositionerSettings | None = None
+
+    @property
+    def fine_resolution_bits(self) -> int:
+        """Bits of the actual position on top of `increments_per_revolution`."""
+        return self.profidrive.fine_resolution_bits
 
     @model_validator(mode="after")
     def _telegram_fits(self) -> _ProfidriveTable:
@@ -540,6 +535,10 @@ class _ProfidriveTable(_PoweredServoTable):
                 f"positioner: telegram {self.telegram} leads the speed; a positioner goes with 7, 9, 110 "
                 "and 111"
             )
+        try:
+            self.named_telegram()
+        except TelegramError as error:
+            raise ValueError(f"profidrive: {error}") from None
         bits = self.profidrive.fine_resolution_bits
         if self.increments_per_revolution << bits > 1 << 31:
             raise ValueError(
@@ -627,14 +626,13 @@ class _ProfidriveTable(_PoweredServoTable):
         limit = _PEAK_TORQUE * self.rated_torque_nm
         parts = self.powered_parts()
         if self.positioner is not None:
-            parts["positioner"] = self.positioner.build()
+            parts["positioner"] = self.positioner
         return ProfidriveConfig(
             telegram=self.telegram,
             torque_telegram=own.torque_telegram,
             safety_telegram=own.safety_telegram,
-            safety=self.safety.build(),
-            safe_motion=self.safety.build_motion(),
-            encoder2=self.encoder2.build(self.mechanics.lead_screw_mm),
+            safety=self.safety,
+            encoder2=self.second_encoder,
             cycle_ns=bench.cycle_ns,
             servo_period_ns=bench.servo_period_ns,
             control_period_ns=bench.control_period_ns,
@@ -904,7 +902,8 @@ class AnalogDriveTable(_ServoTable):
 
     profile: Literal["analog"]
     encoder: Literal["incremental"] = "incremental"
-    analog: AnalogTable = AnalogTable()
+    """Its increments go to a counter of the station."""
+    analog: AnalogSettings = AnalogSettings()
 
     @property
     def reference_speed_rpm(self) -> float:
@@ -928,8 +927,8 @@ class AnalogDriveTable(_ServoTable):
         """Its station is on the bus."""
 
     def station(self, name: str, stations: Mapping[str, StationTable]) -> str | None:
-        """Return the name of the station that the setpoint of the drive `name` comes from; None: there is
-        none.
+        """Return the name of the station that the setpoint of the drive `name`
+        comes from; None: there is none.
         """
         for place, station in stations.items():
             if f"{name}.setpoint" in station.analog_outputs:
@@ -948,22 +947,12 @@ class AnalogDriveTable(_ServoTable):
 
     def config(self, bench: BenchTable) -> AnalogConfig:
         """Return the configuration of the emulated drive."""
-        from emulators.drive.analog_config import AnalogConfig
-
-        own = self.analog
         return AnalogConfig(
             **self.servo_parts(),
             servo_period_ns=bench.servo_period_ns,
-            reference_speed_rpm=own.reference_speed_rpm,
+            analog=self.analog,
             max_speed_rpm=self.max_speed_rpm,
-            offset_V=own.offset_v,
-            dead_zone_V=own.dead_zone_v,
-            inverted=own.inverted,
-            enable_input=own.enable_input,
-            ready_delay_s=own.ready_delay_ms / 1000.0,
-            stop=own.stop,
-            stop_ramp_s=self.off3_ramp_s,
-            ready_falls=own.ready_falls,
+            off3_ramp_s=self.off3_ramp_s,
         )
 
     def build(self, site: DeviceSite) -> AnalogDrive:
@@ -1061,9 +1050,9 @@ class PulseDriveTable(_PulseTable):
     """Quick stop time of the module."""
     rated_torque_nm: Annotated[float, Field(ge=0.001, le=1_000_000.0)] = 2.0
     """Pull-out torque of the motor at low speed."""
-    mechanics: MechanicsTable = MechanicsTable()
-    switches: SwitchTable = SwitchTable()
-    tm_pto: PtoTable = PtoTable()
+    mechanics: LinearAxisConfig = LinearAxisConfig()
+    switches: SwitchesConfig = SwitchesConfig()
+    tm_pto: PtoSettings = PtoSettings()
 
     @model_validator(mode="after")
     def _no_play(self) -> PulseDriveTable:
@@ -1076,7 +1065,7 @@ class PulseDriveTable(_PulseTable):
         return self
 
     @property
-    def machine(self) -> MechanicsTable:
+    def machine(self) -> LinearAxisConfig:
         """What the drive moves."""
         return self.mechanics
 
@@ -1103,34 +1092,20 @@ class PulseDriveTable(_PulseTable):
 
         """
         from emulators.drive.stepper import StepperDriveConfig
-        from emulators.io.tm_pto import PtoConfig, SignalType
+        from emulators.io.tm_pto import PtoConfig
 
-        own = self.tm_pto
         channel = PtoConfig(
-            signal_type=SignalType[own.signals.upper()],
-            reversal_pause_ms=own.reversal_pause_ms,
+            settings=self.tm_pto,
             increments=self.increments_per_revolution,
-            reference_speed=own.reference_speed_rpm,
             maximum_speed=self.max_speed_rpm,
             ramp_stop_ms=max(1, round(self.off1_ramp_s * 1000.0)),
             quick_stop_ms=max(1, round(self.off3_ramp_s * 1000.0)),
-            use_ed=own.use_ed,
-            use_dr=own.use_dr,
-            use_rs=own.use_rs,
-            use_mi=own.use_mi,
-            input_delay_ms=own.input_delay_ms,
-            standard=own.variant == "standard",
-            strict_parking=own.strict_parking,
         )
         return StepperDriveConfig(
             channel=channel,
-            mechanics=self.mechanics.build(self.switches),
-            full_steps=own.full_steps,
+            mechanics=self.mechanics,
+            switches=self.switches,
             holding_torque_Nm=self.rated_torque_nm,
-            corner_hz=own.corner_hz,
-            start_stop_hz=own.start_stop_hz,
-            ready_delay_s=own.ready_delay_ms / 1000.0,
-            watchdog_cycles=own.watchdog_cycles,
             servo_period_ns=servo_period_ns,
         )
 
@@ -1210,7 +1185,14 @@ DriveTable = (
     | SignalOutputTable
 )
 CanDriveTable = Cia402DriveTable | ProfidriveCanTable | PulseDriveTable | SignalOutputTable
-ServoTable = Cia402DriveTable | ProfidriveCanTable | ProfidriveModbusTable | AnalogDriveTable
+WITH_SWITCHES: Final = (
+    Cia402DriveTable,
+    ProfidriveCanTable,
+    ProfidriveModbusTable,
+    AnalogDriveTable,
+    PulseDriveTable,
+)
+"""Drives with a machine and switches on its travel."""
 AnyDrive = Annotated[
     Annotated[Cia402DriveTable, Tag("cia402")]
     | Annotated[ProfidriveCanTable, Tag("profidrive on CAN")]

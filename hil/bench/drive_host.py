@@ -1,5 +1,5 @@
-"""The drive process: emulated devices in real time, for a bench in another process or for somebody else's
-controller.
+"""The drive process: emulated devices in real time, for a bench in another process or
+for somebody else's controller.
 
 `hil emulate` runs a `DriveHost` for somebody else's controller. Started as a program, this module serves one
 bench after the other: commands come as JSON lines on standard input, replies go to standard output
@@ -44,14 +44,13 @@ _FOREVER_S: Final = 3600.0
 
 
 class DriveHost:
-    """Emulated drives of a bench file on live buses, in real time; a virtual bench file is taken as a live
-    one.
+    """Emulated drives of a bench file on live buses, in real time; a virtual
+    bench file is taken as a live one.
 
     Args:
         config: Validated bench file.
-        place: Arguments of `LiveSegment.open` (`interface`, `channel`, options) that replace those of
-            every segment; None keeps the bench file's. The drives of a segment with a bridge are on its far
-            side.
+        place: Arguments of `LiveSegment.open` (`interface`, `channel`, options) that replace those of every
+            segment; None keeps the bench file's. The drives of a segment with a bridge are on its far side.
         origin_ns: Value of the monotonic clock that is time zero; None: now.
         seed: Seed of the drives' random streams.
         record: Whether frames, signals and events are kept for `execute("fetch")`. Without a record the

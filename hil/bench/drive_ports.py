@@ -136,8 +136,8 @@ class DrivePorts:
                 port.power_down()
 
     def release(self) -> bool:
-        """Disable every drive that the controller leads with its last telegram; returns whether there is
-        one.
+        """Disable every drive that the controller leads with its last
+        telegram; returns whether there is one.
         """
         leading = [port for port in self.by_name.values() if port.link_ok]
         for port in leading:

@@ -1,8 +1,8 @@
-"""The emulated devices of a bench file in one process: drives, I/O stations, encoders, devices made of an
-EDS.
+"""The emulated devices of a bench file in one process: drives, I/O stations,
+encoders, devices made of an EDS.
 
-A bench in virtual time holds them itself; for a live bench they are in the drive process
-(`hil.bench.drive_host`).
+A bench in virtual time holds them itself; for a live bench they are in the
+drive process (`hil.bench.drive_host`).
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 from numpy.random import Generator, SeedSequence, default_rng
 
 from fieldbus.clock import MS
+from fieldbus.errors import located
 from hil.bench._site import DeviceSite
 from hil.bench.drive_config import ProfidriveCanTable, ProfidriveModbusTable
 
@@ -130,12 +131,15 @@ class DeviceBuilder:
         config, devices = self._config, EmulatedDevices()
         for name, section in config.drive.items():
             if section.device == "emulated":
-                self._build_drive(devices, name, segments, attach)
+                with located(f"drive.{name}"):
+                    self._build_drive(devices, name, segments, attach)
         for name in config.station:
-            self._build_station(devices, name, segments, attach)
+            with located(f"station.{name}"):
+                self._build_station(devices, name, segments, attach)
         self._build_encoders(devices, segments)
         for name, device in config.device.items():
-            devices.devices[name] = device.build(self._site(name, segments))
+            with located(f"device.{name}"):
+                devices.devices[name] = device.build(self._site(name, segments))
         return devices
 
     def _build_drive(
@@ -174,9 +178,10 @@ class DeviceBuilder:
     def _build_encoders(self, devices: EmulatedDevices, segments: Mapping[str, CanSegment]) -> None:
         for name in self._config.emulated_encoders:
             section = self._config.encoder[name]
-            encoder = devices.encoders[name] = section.build(
-                self._site(name, segments), devices.drives, self._config.lead_mm(section)
-            )
+            with located(f"encoder.{name}"):
+                encoder = devices.encoders[name] = section.build(
+                    self._site(name, segments), devices.drives, self._config.lead_mm(section)
+                )
             self._record(name, encoder)
 
     def _site(self, name: str, segments: Mapping[str, CanSegment]) -> DeviceSite:

@@ -1,5 +1,5 @@
-"""`[encoder.NAME]` of a bench file: one model per profile and kind of measurement, each of which builds its
-encoder.
+"""`[encoder.NAME]` of a bench file: one model per profile and kind of measurement,
+each of which builds its encoder.
 """
 
 from __future__ import annotations
@@ -12,16 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 from annotated_types import Unit
 from pydantic import Discriminator, Field, Tag, WrapValidator, model_validator
 
+from emulators.encoder.coupling import Coupling, gear_ratio, linear_coupling, rotary_coupling, scale_periods
+from emulators.encoder.profidrive.format import FineBits, fitted_format
 from fieldbus.node_clock import NodeClock
-from hil.bench._encoder_tables import (
-    Coupling,
-    FineBits,
-    encoder_format,
-    gear_ratio,
-    linear_coupling,
-    rotary_coupling,
-    scale_periods,
-)
 from hil.bench._table import Finite, NodeId, NotNegative, Positive, Table, refused_by_part
 
 if TYPE_CHECKING:
@@ -264,8 +257,8 @@ class _EncoderTable(Table):
         return Mounting(source, ratio=ratio, offset=offset, backlash=backlash), shaft
 
     def taken_over(self, prefix: str) -> dict[str, int | float]:
-        """Return the variables that an axis takes over from the encoder, as an offline transfer does
-        (CFG-356).
+        """Return the variables that an axis takes over from the encoder, as an
+        offline transfer does (CFG-356).
         """
         return {f"{prefix}.Type": int(self.absolute), f"{prefix}.Parameter.FineResolutionXist1": 0}
 
@@ -280,8 +273,8 @@ class _RotaryTable(_EncoderTable):
     revolutions: Annotated[int, Field(ge=1, le=65535)] = 4096
     """Distinguishable revolutions (6502h); together at most 2147483648 steps."""
     mm_per_revolution: Positive | None = None
-    """Travel of the load per revolution of a rotary encoder with `mounting = "load"`; none: the lead of the
-    screw.
+    """Travel of the load per revolution of a rotary encoder with `mounting =
+    "load"`; none: the lead of the screw.
     """
     offset_deg: Finite = 0.0
     """Place of the encoder where the machine is at zero."""
@@ -321,8 +314,8 @@ class _RotaryTable(_EncoderTable):
         )
 
     def taken_over(self, prefix: str) -> dict[str, int | float]:
-        """Return the variables that an axis takes over from the encoder, as an offline transfer does
-        (CFG-356).
+        """Return the variables that an axis takes over from the encoder, as an
+        offline transfer does (CFG-356).
         """
         values = super().taken_over(prefix)
         values[f"{prefix}.System"] = 1
@@ -378,8 +371,8 @@ class _LinearTable(_EncoderTable):
         )
 
     def taken_over(self, prefix: str) -> dict[str, int | float]:
-        """Return the variables that an axis takes over from the encoder, as an offline transfer does
-        (CFG-356).
+        """Return the variables that an axis takes over from the encoder, as an
+        offline transfer does (CFG-356).
         """
         values = super().taken_over(prefix)
         values[f"{prefix}.System"] = 0
@@ -619,8 +612,8 @@ class _ProfidriveEncoderTable(_EncoderTable):
         )
 
     def taken_over(self, prefix: str) -> dict[str, int | float]:
-        """Return the variables that an axis takes over from the encoder, as an offline transfer does
-        (CFG-356).
+        """Return the variables that an axis takes over from the encoder, as an
+        offline transfer does (CFG-356).
         """
         form = self.form()
         quantity = "ReferenceVelocity" if self.linear else "ReferenceSpeed"
@@ -648,7 +641,7 @@ class ProfidriveRotaryTable(_ProfidriveEncoderTable, _RotaryTable):
 
         """
         own = self.profidrive
-        return encoder_format(
+        return fitted_format(
             self.steps_per_revolution,
             self.turns,
             fine_xist1=own.fine_xist1_bits,
@@ -675,7 +668,7 @@ class ProfidriveLinearTable(_ProfidriveEncoderTable, _LinearTable):
         """
         own = self.profidrive
         periods, grid_nm = scale_periods(self.measuring_step_um, self.length_mm)
-        return encoder_format(
+        return fitted_format(
             periods,
             1 if self.absolute else 0,
             grid_nm=grid_nm,

@@ -77,8 +77,8 @@ class CanTexts:
     """Describes CAN frames.
 
     Args:
-        build: Makes a decoder that knows names, dictionaries and the mapping that the bench itself has
-            commissioned.
+        build: Makes a decoder that knows names, dictionaries and the mapping that the
+            bench itself has commissioned.
         logs: Logs of segments whose drives another controller configures: PDOs are described by the latest
             mapping in the log, in whatever order frames are described.
 

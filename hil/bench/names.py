@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, TypeVar
 
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import ConfigurationError, UnknownNameError
 from hil.bench.segments import MASTER_NODE
 
 if TYPE_CHECKING:
@@ -28,12 +28,13 @@ def named(kind: str, parts: Mapping[str, _T], name: str | None) -> _T:
         ConfigurationError: There is no such part.
 
     """
+    if not parts:
+        raise ConfigurationError("bench", kind if name is None else name, f"this bench has no {kind}")
     if name is None:
-        if not parts:
-            raise ConfigurationError("bench", kind, f"this bench has no {kind}")
         return next(iter(parts.values()))
     if name not in parts:
-        raise ConfigurationError(f"bench {kind}", name, ", ".join(parts) or f"this bench has no {kind}")
+        article = "an" if kind[0] in "ae" else "a"
+        raise UnknownNameError("bench", name, f"the name of {article} {kind}", parts)
     return parts[name]
 
 

@@ -109,8 +109,8 @@ class RemoteParameters:
 
 
 class DriveProcess:
-    """One process that holds emulated drives; it serves one bench after the other, because starting it takes
-    seconds.
+    """One process that holds emulated drives; it serves one bench after the other,
+    because starting it takes seconds.
     """
 
     def __init__(self) -> None:

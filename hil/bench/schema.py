@@ -1,7 +1,7 @@
 """JSON Schema of the bench file, and the tables of its keys in the documentation: both come from the models.
 
-`hil schema` prints the schema. `python -m hil.bench.schema docs/bench-file.md` writes the tables of keys
-between the comments `<!-- keys: HEADING -->` and `<!-- end of keys -->` of a page.
+`hil schema` prints the schema. `python -m hil.bench.schema docs/reference/bench-file.md` writes the tables of
+keys between the comments `<!-- keys: HEADING -->` and `<!-- end of keys -->` of a page.
 """
 
 from __future__ import annotations
@@ -12,44 +12,28 @@ import re
 import sys
 import textwrap
 from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, Field, fields
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, NamedTuple, get_args, get_origin
+from typing import Any, Final, Literal, NamedTuple, get_args, get_origin
 
-from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen, Unit
 from pydantic import BaseModel
-from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from hil.bench._messages import CHOOSING, alternatives, hints_of, is_table, tagged_of, variants_of
+from hil.bench._messages import CHOOSING
+from hil.bench._models import (
+    alternatives,
+    doc_of,
+    hints_of,
+    is_table,
+    range_of,
+    tagged_of,
+    unit_of,
+    variants_of,
+)
 from hil.bench.config import BenchConfig
 
 DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
-_UNITS: Final[Mapping[str, str]] = {
-    "_n_per_m_s": "N per m/s",
-    "_kgm2": "kg m²",
-    "_mm_s": "mm/s",
-    "_mm": "mm",
-    "_um": "µm",
-    "_ms": "ms",
-    "_us": "µs",
-    "_s": "s",
-    "_rpm": "rpm",
-    "_nm": "Nm",
-    "_kg": "kg",
-    "_n": "N",
-    "_v": "V",
-    "_uf": "µF",
-    "_w": "W",
-    "_ohm": "ohm",
-    "_c": "°C",
-    "_k": "K",
-    "_percent": "%",
-    "_deg": "degrees",
-    "_hz": "Hz",
-    "_bits": "bit",
-}
-"""Units by the end of the key."""
 
 
 # -- what the models say of a key --------------------------------------------------------------------------
@@ -82,97 +66,13 @@ def defaults(model: type) -> dict[str, object]:
         return {
             key: field.get_default(call_default_factory=True) for key, field in model.model_fields.items()
         }
-    described = inspect.signature(model).parameters
-    return {
-        key: PydanticUndefined if one.default is inspect.Parameter.empty else one.default
-        for key, one in described.items()
-    }
+    return {one.name: _default_of(one) for one in fields(model)}  # type: ignore[arg-type]  # a dataclass
 
 
-def _marks(hint: object) -> Iterator[object]:
-    """Yield what annotations say of a type: limits, lengths, unit."""
-    if get_origin(hint) is Annotated:
-        inner, *marks = get_args(hint)
-        for mark in marks:
-            yield from mark.metadata if isinstance(mark, FieldInfo) else (mark,)
-        yield from _marks(inner)
-    elif get_origin(hint) is not Literal and get_origin(hint) not in (dict, tuple):
-        for one in get_args(hint):
-            yield from _marks(one)
-
-
-def unit_of(key: str, hint: object) -> str:
-    """Return the unit of a key; nothing where there is none."""
-    for mark in _marks(hint):
-        if isinstance(mark, Unit):
-            return mark.unit
-    for inner in get_args(hint) if get_origin(hint) is tuple else ():
-        found = unit_of("", inner)
-        if found:
-            return found
-    return next((unit for end, unit in _UNITS.items() if key.endswith(end)), "")
-
-
-def range_of(hint: object) -> str:
-    """Return which values a type permits, in words."""
-    kinds = [one for one in alternatives(hint) if one is not type(None)]
-    choices = [choice for one in kinds if get_origin(one) is Literal for choice in get_args(one)]
-    if choices:
-        return ", ".join(f"`{one}`" if isinstance(one, str) else str(one) for one in choices)
-    if any(is_table(one) for one in kinds):
-        return "table"
-    origin = get_origin(kinds[0])
-    if origin is dict:
-        return "table"
-    if origin is tuple:
-        return _range_of_list(hint, kinds[0])
-    if len(kinds) == 1 and kinds[0] in (int, float):
-        return _range_of_number(hint, whole=kinds[0] is int)
-    words = {bool: "`true`, `false`", str: "text", int: "number", float: "number"}
-    return " or ".join(dict.fromkeys(words.get(one, "") for one in kinds if isinstance(one, type)))
-
-
-def _range_of_list(hint: object, kind: object) -> str:
-    inner = get_args(kind)
-    if is_table(inner[0]):
-        return "tables"
-    if inner[1:] != (Ellipsis,):
-        one = range_of(inner[0])
-        return f"{len(inner)} values" if one == "any" else f"{len(inner)} values, each {one}"
-    marks = list(_marks(hint))
-    low = next((mark.min_length for mark in marks if isinstance(mark, MinLen)), 0)
-    high = next((mark.max_length for mark in marks if isinstance(mark, MaxLen)), None)
-    number = "" if high is None else f"{low} to {high} " if low else f"up to {high} "
-    one = range_of(inner[0])
-    if get_origin(inner[0]) is tuple:
-        return f"{number}lists of {one}"
-    return f"{number}texts" if one == "text" else f"{number}values, each {one}"
-
-
-def _range_of_number(hint: object, *, whole: bool) -> str:
-    low = high = above = below = None
-    for mark in _marks(hint):
-        if isinstance(mark, Ge):
-            low = mark.ge
-        elif isinstance(mark, Gt):
-            above = mark.gt
-        elif isinstance(mark, Le):
-            high = mark.le
-        elif isinstance(mark, Lt):
-            below = mark.lt
-    if above is not None:
-        text = f"above {_number(above)}" + ("" if high is None else f" to {_number(high)}")
-    elif low is not None:
-        text = f"{_number(low)} to {_number(high)}" if high is not None else f"{_number(low)} or more"
-    else:
-        text = "any" if high is None else f"up to {_number(high)}"
-    if below is not None:
-        text += f", below {_number(below)}"
-    return f"{text}, whole" if whole and text != "any" else "whole" if whole else text
-
-
-def _number(value: Any) -> str:
-    return f"{value:.12g}"
+def _default_of(key: Field[Any]) -> object:
+    if key.default_factory is not MISSING:
+        return key.default_factory()
+    return PydanticUndefined if key.default is MISSING else key.default
 
 
 def _default(value: object) -> str:
@@ -231,7 +131,11 @@ def _describe(definition: dict[str, Any], model: type) -> None:
     for key, described in definition.get("properties", {}).items():
         unit = unit_of(key, hints[key])
         described["title"] = f"{key}, {unit}" if unit else key
-        text = descriptions(model).get(key) or next((_summary(one) for one in _tables_in(hints[key])), "")
+        text = (
+            descriptions(model).get(key)
+            or doc_of(hints[key])
+            or next((_summary(one) for one in _tables_in(hints[key])), "")
+        )
         if text:
             described["description"] = text
         if unit:
@@ -297,7 +201,7 @@ def key_table(tags: Mapping[str, type]) -> str:
                 unit_of(key, hint),
                 range_of(hint),
                 _default(defaults(model)[key]),
-                descriptions(model).get(key, "").rstrip("."),
+                (descriptions(model).get(key) or doc_of(hint)).rstrip("."),
             )
             rows.setdefault(key, {}).setdefault(row, []).append(tag)
     several = len(set(tags.values())) > 1

@@ -27,8 +27,8 @@ _EXTRAS: Final = ((0x0080, "acknowledge"), (0x0100, "jog 1"), (0x0200, "jog 2"))
 
 
 def command(stw1: int) -> str:
-    """Return what a control word in speed mode asks for: `operate`, `OFF1`, `OFF2`, ... (PD-045 to PD-054,
-    PD-114).
+    """Return what a control word in speed mode asks for: `operate`, `OFF1`, `OFF2`,
+    ... (PD-045 to PD-054, PD-114).
     """
     if not stw1 & 0x0400:
         return "no control by PLC"
@@ -38,8 +38,8 @@ def command(stw1: int) -> str:
 
 
 def state(zsw1: int) -> str:
-    """Return the state that a status word in speed mode shows, with fault, warning and control (PD-060 to
-    PD-069).
+    """Return the state that a status word in speed mode shows, with fault, warning
+    and control (PD-060 to PD-069).
     """
     bits = zsw1 & 0x47
     if bits == 0x03:
@@ -71,8 +71,8 @@ class SignalTexts:
             at += size
 
     def describe(self, first: int, words: Sequence[int]) -> list[str]:
-        """Return the signals that stand in some of the words, the first of them being word `first` of the
-        telegram.
+        """Return the signals that are in some of the words, the first of them
+        being word `first` of the telegram.
         """
         texts = []
         end = first + len(words)
@@ -85,7 +85,7 @@ class SignalTexts:
                 number = number << 16 | word & 0xFFFF
             if high - low == size:
                 texts.append(f"{name} = {self._value(name, number, 16 * size)}")
-            else:  # the rest stands in another frame
+            else:  # the rest is in another frame
                 of = ", ".join(str(part - at + 1) for part in range(low, high))
                 texts.append(f"{name} word {of} of {size} = {number:0{4 * (high - low)}X}h")
         return texts

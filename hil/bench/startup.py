@@ -1,5 +1,5 @@
-"""Taking the drives of a bench into service, all at the same time, and what is said when one does not
-answer.
+"""Taking the drives of a bench into service, all at the same time, and what is
+said when one does not answer.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def commission(
 ) -> None:
     """Take drives into service, up to the command to start.
 
-    An optional drive is waited for as long as it goes on answering.
+    An optional drive is waited for as long as it continues answering.
 
     Args:
         scheduler: Time of the bench.

@@ -117,8 +117,8 @@ def lead(
     scheduler: Scheduler,
     on_cycle: Callable[[Callable[[], object]], object],
 ) -> TelegramMaster:
-    """Take a drive without an axis into service and return its master; bench time passes until the drive
-    answers.
+    """Take a drive without an axis into service and return its master; bench time
+    passes until the drive answers.
 
     Args:
         config: The bench file.

@@ -1,5 +1,5 @@
-"""The names and values that a recording of a bench can hold: components, states, jobs, alarms, kinds of
-faults.
+"""The names and values that a recording of a bench can hold: components, states,
+jobs, alarms, kinds of faults.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def bench_vocabulary(
 
     Args:
         components: Names of everything that can be the source of an event.
-        jobs: Names of the instances of instructions that there are.
+        jobs: Names of the existing instances of instructions.
         events: Log so far; it has the names of jobs that are over.
         declared: Kinds of events of user-defined parts.
         drives: Axes and the drives that move them.

@@ -1,10 +1,13 @@
 """Campaigns: cases as functions, found in files and modules, run with evidence, replayed by token.
 
-CAMPAIGN = Campaign("stop modes")
+Example::
 
-@CAMPAIGN.product("mc-power-{mode}", parameters={"mode": [0, 1, 2, 3]}, title="MC_Power with StopMode {mode}")
-def stop(ctx, mode):
-    ...
+    CAMPAIGN = Campaign("stop modes")
+
+    @CAMPAIGN.product("mc-power-{mode}", parameters={"mode": [0, 1, 2]}, title="MC_Power, StopMode {mode}")
+    def stop(ctx, mode):
+        ...
+
 """
 
 from __future__ import annotations

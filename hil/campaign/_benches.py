@@ -1,19 +1,22 @@
-"""Loading benches by reference: a file, an embedded name, or a Python object of one's own."""
+"""Loading benches by reference: a file, an embedded name, or a Python object of the user."""
 
 from __future__ import annotations
 
 import importlib
 import re
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hil.errors import CannotRunError
 from hil.protocols import BenchFile
 from motion_hil import explain
 
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
+
 _OBJECT = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 
 
-def load_bench_file(reference: str | None) -> BenchFile:
+def load_bench_file(reference: str | None) -> BenchFile[Bench]:
     """Return the bench that `reference` names.
 
     Args:
@@ -37,5 +40,5 @@ def load_bench_file(reference: str | None) -> BenchFile:
             )
         return found
     load: Any = importlib.import_module("hil.bench").load_bench
-    bench_file: BenchFile = load(reference or None)
+    bench_file: BenchFile[Bench] = load(reference or None)
     return bench_file

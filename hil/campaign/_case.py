@@ -27,7 +27,7 @@ def slug(text: str) -> str:
     return re.sub(r"[^a-z0-9/._]+", "-", text.lower()).strip("-")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Case:
     """One test case; made by the decorators of `Campaign`."""
 
@@ -64,8 +64,8 @@ class Campaign:
         title: Name; its slug begins the identifiers of the cases.
         tags: Tags of all cases.
         requirements: Identifiers of the specification that every case checks.
-        bench: Bench that the cases are written for (an embedded name or a path), used when the user names
-            none.
+        bench: Bench that the cases are written for (an embedded name or a path),
+            used when the user names none.
         signals: Signals kept in the report; empty: the usual ones.
 
     """

@@ -1,5 +1,5 @@
-"""Running cases on the workers of a dask scheduler: an engine of others, with the protocol of our own
-processes.
+"""Running cases on the workers of a dask scheduler: an engine of others, with the
+protocol of our own processes.
 
 Every thread of a worker has a worker process of ours. So a case has its time limits, and one
 that kills its process takes no worker along; and a worker that is lost itself loses nothing, because the

@@ -9,8 +9,10 @@ from fieldbus.errors import ConfigurationError
 from hil.errors import BlockedError, ExpectationFailedError
 from hil.expect import Expectation, describe
 from hil.faults import ArmedFault, Injector
+from hil.protocols import DescribedBench
 from hil.record import Trace
 from reports.model import Check, Scalar, Step, Verdict
+from reports.text import capital, limit_words, quantity
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -110,14 +112,19 @@ class CaseContext:
                 text,
                 Verdict.FAILED,
                 f"within {timeout:g} s",
-                "it did not happen",
+                self._unmet_wait() or "it did not happen",
                 self.now_s,
                 high=timeout,
                 unit="s",
+                sentence=f"{capital(text)}: it did not happen within {timeout:g} s",
             )
             self.checks.append(check)
             raise ExpectationFailedError(describe(check))
         return self.now_s
+
+    def _unmet_wait(self) -> str:
+        bench: object = self.bench  # another one than ours need not tell
+        return bench.unmet_wait() if isinstance(bench, DescribedBench) else ""
 
     # -- faults ---------------------------------------------------------------------------------------------
 
@@ -182,6 +189,8 @@ class CaseContext:
                 low,
                 high,
                 list(requirements),
+                sentence=f"{capital(name)}: {quantity(value, unit)}"
+                + (f" (allowed: {limit_words(low, high, unit)})" if limits else ""),
             )
         )
         return good

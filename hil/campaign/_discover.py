@@ -7,6 +7,7 @@ import importlib
 import importlib.util
 import pkgutil
 import sys
+import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +22,7 @@ _matrices: dict[Path, Campaign] = {}
 _SKIPPED = ("test_", "_", "conftest", "setup")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Found:
     """A campaign and how to find it again, in another process or from a token."""
 
@@ -30,7 +31,7 @@ class Found:
     """`package.module:NAME`, `path/to/file.py:NAME`, `path/to/matrix.toml` or `package:matrix.toml`."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Selected:
     """A case to be run."""
 
@@ -172,9 +173,16 @@ def find_campaigns(references: Sequence[str]) -> list[Found]:
         elif path.is_file():
             if path.suffix not in {".py", ".toml"}:
                 raise CampaignNotFoundError(reference, "it is no Python file and no matrix (TOML)")
+            if path.suffix == ".toml" and _is_bench(path):
+                raise CannotRunError(
+                    f"{reference} is a bench file, no campaign: check it with `hil check {reference}`, run a "
+                    f"campaign on it with `hil run stop_modes --bench {reference}`, or your tests with "
+                    f"`pytest --hil-bench {reference}`"
+                )
             here, reason = (
                 _in_matrix(path) if path.suffix == ".toml" else _in_file(path),
-                "it defines no Campaign",
+                "it defines no Campaign"
+                + (f"; tests of pytest run by `pytest {reference}`" if path.name.startswith("test_") else ""),
             )
         elif reference.endswith(".toml") and ":" in reference:
             here, reason = [Found(_packaged(reference), reference)], ""
@@ -187,6 +195,15 @@ def find_campaigns(references: Sequence[str]) -> list[Found]:
         for entry in here:
             found.setdefault(id(entry.campaign), entry)
     return list(found.values())
+
+
+def _is_bench(path: Path) -> bool:
+    """Return whether a TOML file is a bench file: a matrix has `[[bench]]`, and no segments."""
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False  # whoever reads it as a matrix says what is wrong
+    return isinstance(content.get("bench"), dict) and "segment" in content
 
 
 def _is_dotted(text: str) -> bool:

@@ -1,5 +1,5 @@
-"""From a finished case to its result: story, alarms, faults, messages, signals. Reads the trace, runs
-nothing.
+"""From a finished case to its result: story, alarms, faults, messages, signals.
+Reads the trace, runs nothing.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ from typing import Any, Final
 
 from fieldbus.history import Event
 from hil.faults import ArmedFault
-from hil.record import Trace
-from reports.model import AlarmRecord, Check, FaultRecord, Message, Scalar, Signal, Step
+from hil.record import Trace, protocol_of
+from reports.model import AlarmRecord, Check, FaultRecord, Message, Scalar, Signal, Step, Verdict
+from reports.text import check_sentence, code_text
 
 MESSAGE_WINDOW: Final = 30
 """Frames kept before and after every fault and alarm."""
@@ -68,7 +69,9 @@ _VERBS: Final = {
 def _fault_text(entry: Event) -> str:
     verb = _VERBS.get(entry.kind, "disarmed")
     details = ", ".join(
-        f"{key} {value}" for key, value in entry.data.items() if key not in {"fault", "injection", "trigger"}
+        f"{key} {code_text(key, value)}"
+        for key, value in entry.data.items()
+        if key not in {"fault", "injection", "trigger"}
     )
     return f"{entry.data.get('fault')} on {entry.source} {verb}" + (f" ({details})" if details else "")
 
@@ -115,13 +118,13 @@ _TELLERS: Final[dict[str, tuple[str, Callable[[Event], str]]]] = {
 }
 
 
-def build_story(trace: Trace, told: Iterable[Step], checks: Iterable[Check]) -> list[Step]:
+def build_story(trace: Trace, recorded: Iterable[Step], checks: Iterable[Check]) -> list[Step]:
     """Return the steps of the case, what the log shows, and the checks, by time."""
-    steps = list(told)
-    told_by_drive = {(entry.time_ns, entry.source) for entry in trace.select(kind="drive.nmt")}
+    steps = list(recorded)
+    reported_by_drive = {(entry.time_ns, entry.source) for entry in trace.select(kind="drive.nmt")}
     for entry in trace.events:
-        if entry.kind == "nmt.state" and (entry.time_ns, entry.source) in told_by_drive:
-            continue  # the drive tells the same under its own kind
+        if entry.kind == "nmt.state" and (entry.time_ns, entry.source) in reported_by_drive:
+            continue  # the drive reports the same under its own kind
         if entry.kind.startswith("job."):
             steps.append(Step(entry.time_ns * 1e-9, "observe", _job_text(entry), _detail(entry)))
             continue
@@ -132,10 +135,11 @@ def build_story(trace: Trace, told: Iterable[Step], checks: Iterable[Check]) -> 
         Step(
             trace.end_s if check.time_s is None else check.time_s,
             "expect",
-            f"{check.name}: {check.verdict.value}",
+            check_sentence(check),
             {"expected": check.expected, "observed": check.observed},
         )
         for check in checks
+        if not (check.rule and check.verdict is Verdict.PASSED)
     )
     steps.sort(key=lambda step: step.time_s)
     if len(steps) > _MAX_STEPS:
@@ -193,7 +197,7 @@ def build_faults(trace: Trace, armed: Iterable[ArmedFault]) -> list[FaultRecord]
             applied_s=seconds(fault.applied_ns),
             removed_s=seconds(fault.removed_ns),
             parameters=dict(fault.fault.parameters),
-            trigger=str(fault.fault.trigger),
+            trigger="; ".join(filter(None, (str(fault.fault.trigger), fault.waiting_summary()))),
             axis_state=state_at(fault.applied_ns),
         )
         for fault in armed
@@ -215,6 +219,7 @@ def build_messages(
     found: list[tuple[int, Message]] = []
     for bus in trace.buses:
         log = trace.raw_frames(bus)
+        protocol = protocol_of(log)
         times = [entry[0] for entry in log]
         wanted: set[int] = set()
         for mark in marks:
@@ -226,7 +231,16 @@ def build_messages(
             found.append(
                 (
                     time_ns,
-                    Message(time_ns * 1e-9, bus, frame.can_id, data, sender, _decoded(decode, frame), error),
+                    Message(
+                        time_ns * 1e-9,
+                        bus,
+                        frame.can_id,
+                        data,
+                        sender,
+                        _decoded(decode, frame),
+                        error,
+                        protocol,
+                    ),
                 )
             )
     found.sort(key=lambda item: item[0])
@@ -241,8 +255,8 @@ def _decoded(decode: Callable[[Any], str], frame: Any) -> str:
 
 
 def build_signals(trace: Trace, wanted: Sequence[str] = (), *, judged: Iterable[str] = ()) -> list[Signal]:
-    """Return the signals for the report: the usual ones, the named ones, or with `*` all; and those of failed
-    checks.
+    """Return the signals for the report: the usual ones, the named ones, or with `*`
+    all; and those of failed checks.
     """
     if "*" in wanted:
         return list(trace)

@@ -34,7 +34,7 @@ _PROFILE_PREFIXES: Final = {"cia402": "C402-", "profidrive": "PD-"}
 """Profile of a drive -> what the identifiers of its requirements begin with."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Execution:
     """A case that has run."""
 
@@ -49,7 +49,7 @@ LIVE_REPETITIONS: Final = 2
 """How often a case that failed on a live bench which was too late is repeated before it counts as blocked."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class CaseSettings:
     """How a case is run."""
 
@@ -90,8 +90,8 @@ def execute_case(case: Case, bench_file: Any, settings: CaseSettings) -> Executi
 
 
 def _judge_repetition(first: Execution, second: Execution) -> None:
-    """Add the check that both runs left the same trace; a difference makes the case an error of the
-    harness.
+    """Add the check that both runs left the same trace; a difference makes
+    the case an error of the harness.
     """
     result = first.result
     result.wall_s += second.result.wall_s
@@ -104,6 +104,7 @@ def _judge_repetition(first: Execution, second: Execution) -> None:
                     Verdict.PASSED,
                     "the same trace in both runs",
                     f"digest {result.trace_digest[:16]}",
+                    sentence="Both runs left the same trace",
                 )
             )
             return
@@ -118,6 +119,7 @@ def _judge_repetition(first: Execution, second: Execution) -> None:
             "the same trace in both runs",
             observed,
             None if difference is None else difference.time_s,
+            sentence=f"The two runs did not leave the same trace: {observed}",
         )
     )
     result.verdict = Verdict.ERROR
@@ -164,6 +166,7 @@ def _run_once(case: Case, bench_file: Any, settings: CaseSettings) -> Execution:
             judged = _judge(case, context, trace, result)
             if result.verdict is Verdict.FAILED:
                 late_s = _lateness(bench)
+                result.message = "; ".join([result.message, *context.faults.waiting_summary()])
             collect_evidence(
                 context, trace, result, signals=case.signals, judged=judged, window=settings.message_window
             )
@@ -173,7 +176,7 @@ def _run_once(case: Case, bench_file: Any, settings: CaseSettings) -> Execution:
     except (CaseTimeoutError, CaseEndedError) as error:
         result.verdict, result.message = Verdict.ERROR, str(error)
     except Exception as error:  # noqa: BLE001 - whatever breaks outside the case is an error of the harness
-        result.verdict, result.message = Verdict.ERROR, _told(error)
+        result.verdict, result.message = Verdict.ERROR, _text_of(error)
     result.wall_s = time.perf_counter() - started
     return Execution(result, trace, late_s)
 
@@ -192,8 +195,8 @@ def requirements_here(requirements: Sequence[str], profiles: Iterable[str]) -> l
 
 
 def _lateness(bench: Any) -> float:
-    """Return by how much a live bench was later than it allows, s: then timing says nothing about what was
-    tested.
+    """Return by how much a live bench was later than it allows, s: then timing says
+    nothing about what was tested.
     """
     lateness = float(getattr(bench, "lateness_s", 0.0))
     return lateness if lateness > float(getattr(bench, "allowed_lateness_s", 0.0)) else 0.0
@@ -208,15 +211,15 @@ def _call(case: Case, context: CaseContext) -> tuple[Verdict, str]:
     except CaseTimeoutError as error:
         return Verdict.ERROR, str(error)
     except AssertionError as error:
-        return Verdict.FAILED, str(error) or _told(error)
+        return Verdict.FAILED, str(error) or _text_of(error)
     except KeyboardInterrupt:
         raise
     except (Exception, SystemExit) as error:  # noqa: BLE001 - a broken case must not end the run
-        return Verdict.ERROR, _told(error)
+        return Verdict.ERROR, _text_of(error)
     return Verdict.PASSED, ""
 
 
-def _told(error: BaseException) -> str:
+def _text_of(error: BaseException) -> str:
     """Return type, text and innermost place of an exception."""
     frames = traceback.extract_tb(error.__traceback__)
     place = f" at {frames[-1].filename}:{frames[-1].lineno} in {frames[-1].name}" if frames else ""
@@ -224,8 +227,8 @@ def _told(error: BaseException) -> str:
 
 
 def _judge(case: Case, context: CaseContext, trace: Trace, result: CaseResult) -> list[str]:
-    """Evaluate what the case expects and what every run must obey; returns the signals of what does not
-    hold.
+    """Evaluate what the case expects and what every run must obey; returns the
+    signals of what does not hold.
     """
     checks = list(context.checks)
     judged: list[str] = []
@@ -234,7 +237,7 @@ def _judge(case: Case, context: CaseContext, trace: Trace, result: CaseResult) -
             found = expectation.evaluate(trace)
             checks.extend(found)
             if any(check.verdict is not Verdict.PASSED for check in found):
-                judged.extend(expectation.signals_named())
+                judged.extend(expectation.signals_on(trace))
     without = set(case.without)
     checks.extend(check for check in run_checkers(trace) if not without & set(check.requirements))
     result.checks = checks
@@ -257,8 +260,8 @@ def collect_evidence(
     judged: Sequence[str] = (),
     window: int = MESSAGE_WINDOW,
 ) -> None:
-    """Fill a result with story, alarms, faults, messages, signals and digest; its checks must be there
-    already.
+    """Fill a result with story, alarms, faults, messages, signals and digest;
+    its checks must be there already.
     """
     result.simulated_s = trace.end_s
     result.trace_digest = trace.digest()

@@ -12,7 +12,7 @@ from hil.campaign._case import Case
 from hil.campaign._worker import Order, Parcel, run_order
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Finished:
     """An order that has been dealt with."""
 
@@ -29,8 +29,8 @@ class Executor(Protocol):
     def execute(self, orders: Sequence[Order]) -> Generator[Finished, None, None]:
         """Execute all orders and give each as soon as it has ended.
 
-        Closing the iterator ends what is under way. Losing a worker loses at most the case that it was
-        running.
+        Closing the iterator ends what is under way. Losing a worker loses at
+        most the case that it was running.
         """
         ...
 

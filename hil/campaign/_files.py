@@ -12,6 +12,7 @@ from fieldbus.can.frame import CanFrame
 from hil.campaign._execute import Execution
 from hil.record import Trace, TraceFrame
 from reports.model import Verdict
+from reports.naming import naming
 
 Keep = Literal["all", "failed", "none"]
 EPOCH_S: Final = 946_684_800
@@ -83,11 +84,14 @@ def write_evidence(execution: Execution, directory: Path, keep: Keep) -> None:
         return
     folder = directory / FOLDER / folder_name(result.identifier)
     folder.mkdir(parents=True, exist_ok=True)
-    archive, document = trace.save(folder / "trace")
+    with naming(folder / "trace.npz"):
+        archive, document = trace.save(folder / "trace")
     written = {"trace columns": archive, "trace events and frames": document}
     protocols = {frame.protocol for frame in trace.frames}
     if "can" in protocols:
-        written["bus log (candump)"] = write_candump(trace, folder / "bus.log")
+        with naming(folder / "bus.log"):
+            written["bus log (candump)"] = write_candump(trace, folder / "bus.log")
     if protocols - {"can"}:
-        written["bus log (Modbus)"] = write_modbus_log(trace, folder / "modbus.log")
+        with naming(folder / "modbus.log"):
+            written["bus log (Modbus)"] = write_modbus_log(trace, folder / "modbus.log")
     result.files.update({title: path.relative_to(directory).as_posix() for title, path in written.items()})

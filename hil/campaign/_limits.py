@@ -21,7 +21,7 @@ USED_UP: Final = "the case has used up its limit"
 def limit_simulated(bench: Any, seconds: float) -> None:
     """Let the bench raise `CaseTimeoutError` once `seconds` of its time have passed from now.
 
-    It is raised again every millisecond after that, for a case that swallows it and goes on.
+    It is raised again every millisecond after that, for a case that swallows it and continues.
     """
     scheduler = bench.scheduler
     due_ns = scheduler.now + seconds_to_ns(seconds)
@@ -37,22 +37,22 @@ def limit_simulated(bench: Any, seconds: float) -> None:
 def limit_wall(seconds: float) -> Iterator[None]:
     """Raise `CaseTimeoutError` in this thread once `seconds` of wall time have passed.
 
-    A case that swallows it and goes on gets `CaseEndedError` some seconds later, and again, which no `except
-    Exception` takes. Works in the main thread of a POSIX system, which is where cases run; elsewhere there is
-    no limit.
+    A case that swallows it and continues gets `CaseEndedError` some seconds later, and again, which
+    no `except Exception` takes. Works in the main thread of a POSIX system, which is where cases
+    run; elsewhere there is no limit.
     """
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield
         return
 
-    told = False
+    reported = False
 
     def expire(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - signature of a signal handler
-        nonlocal told
+        nonlocal reported
         text = f"{USED_UP} of {seconds:g} s of wall time"
-        if told:
+        if reported:
             raise CaseEndedError(f"{text}, and did not end when it was asked to")
-        told = True
+        reported = True
         raise CaseTimeoutError(text)
 
     old_handler = signal.signal(signal.SIGALRM, expire)

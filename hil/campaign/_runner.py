@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from hil._workers import number_of_processes
 from hil.campaign._case import Case
@@ -31,7 +31,7 @@ PATIENCE_S: Final = 60.0
 """What a worker process has on top of all limits of wall time of its case before it is taken for hanging."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RunOptions:
     """How a run is made."""
 
@@ -88,7 +88,7 @@ def clear_run(directory: Path) -> None:
     (directory / JOURNAL_FILE).unlink(missing_ok=True)
     for archive in (directory / SIGNAL_FOLDER).glob("*.npz"):
         archive.unlink()
-    for name in ("trace.npz", "trace.json", "bus.log", "modbus.log"):
+    for name in ("trace.npz", "trace.json", "found.npz", "found.json", "bus.log", "modbus.log"):
         for file in (directory / FOLDER).glob(f"*/{name}"):
             file.unlink()
     for folder in [*(directory / FOLDER).glob("*"), directory / FOLDER]:
@@ -131,8 +131,8 @@ class Runner:
         on_result: Called after every case.
 
     Raises:
-        CannotRunError: A negative worker count, `twice` on a live bench, or a folder that does not fit
-            `resume`.
+        CannotRunError: A negative worker count, `twice` on a live bench, or a
+            folder that does not fit `resume`.
 
     """
 
@@ -160,8 +160,8 @@ class Runner:
         )
 
     def run(self) -> RunResult:
-        """Run everything that is left to run; Ctrl-C ends early, with the results so far and `interrupted`
-        set.
+        """Run everything that is left to run; Ctrl-C ends early, with the
+        results so far and `interrupted` set.
         """
         benches = list(dict.fromkeys(self._bench_for(selected) for selected in self._cases.values()))
         files = [bench_of(reference) for reference in benches]
@@ -185,7 +185,7 @@ class Runner:
     def _order(self, selected: Selected) -> Order:
         options = self._options
         bench = self._bench_for(selected)
-        file: Any = bench_of(bench)
+        file = bench_of(bench)
         limit_s = options.wall_limit_s or selected.case.wall_limit_s
         live = getattr(file, "kind", "virtual") != "virtual"
         runs = 1 + LIVE_REPETITIONS if live else 1 + options.twice

@@ -18,7 +18,7 @@ VOCABULARY: Final = f"{PACKAGE}.vocabulary:VOCABULARY"
 """The vocabulary of the shipped matrix files."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ShippedCampaign:
     """A campaign module or matrix file of the product."""
 

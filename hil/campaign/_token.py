@@ -12,11 +12,13 @@ from typing import Any, Final
 from hil.errors import TokenError
 
 PREFIX: Final = "HIL1-"
+PYTEST: Final = "pytest"
+"""What the campaign of a token begins with that repeats a test of pytest; behind the colon is its file."""
 _MAX_CONTENT: Final = 4_000_000
 """Bytes after decompression; a longer one is no token of ours."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Token:
     """What a token says."""
 
@@ -32,6 +34,14 @@ class Token:
     """SHA-256 of the bench file, to notice that it has changed."""
     program: list[Any] | None = field(default=None)
     """Steps of a fuzz program."""
+    example: str = ""
+    """Example of Hypothesis with which a test of pytest begins: version and blob of `@reproduce_failure`."""
+
+    @property
+    def test_file(self) -> str:
+        """File of the test of pytest that it repeats; empty: it repeats a case."""
+        kind, sign, file = self.campaign.partition(":")
+        return file if sign and kind == PYTEST else ""
 
     def encode(self) -> str:
         """Return the token text."""
@@ -58,8 +68,10 @@ class Token:
             if not unpacker.eof or unpacker.unused_data:
                 raise TokenError("the replay token is cut off or too long")
             content = json.loads(raw)
-        except (binascii.Error, zlib.error, ValueError) as error:
-            raise TokenError(f"the replay token is damaged: {error}") from None
+        except (binascii.Error, zlib.error, ValueError):
+            raise TokenError(
+                "the replay token is damaged: copy it whole, from the report or the terminal"
+            ) from None
         return cls._from_content(content)
 
     @classmethod
@@ -71,6 +83,7 @@ class Token:
             "bench": str,
             "bench_digest": str,
             "program": list,
+            "example": str,
         }
         if not isinstance(content, dict) or not {"case", "seed"} <= set(content):
             raise TokenError("the replay token lacks the case or the seed")

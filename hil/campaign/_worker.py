@@ -1,5 +1,5 @@
-"""Running a case away from the command: everything is found again by reference, nothing but plain data
-travels.
+"""Running a case away from the command: everything is found again by reference,
+nothing but plain data travels.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from hil.campaign._benches import load_bench_file
 from hil.campaign._case import Case
@@ -16,10 +16,14 @@ from hil.campaign._discover import load_campaign
 from hil.campaign._execute import CaseSettings, execute_case, make_token
 from hil.campaign._files import Keep, write_evidence
 from hil.errors import CannotRunError
+from hil.protocols import BenchFile
 from reports.model import CaseResult
 
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True)
 class Order:
     """One case to be run, as it travels to a worker."""
 
@@ -52,7 +56,7 @@ class Order:
         return self.patience_s or float("inf")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Parcel:
     """A result on its way back."""
 
@@ -68,10 +72,10 @@ class Parcel:
             path.write_bytes(content)
 
 
-_benches: dict[str, Any] = {}
+_benches: dict[str, BenchFile[Bench]] = {}
 
 
-def bench_of(reference: str) -> Any:
+def bench_of(reference: str) -> BenchFile[Bench]:
     """Return a bench file, loaded once per process."""
     if reference not in _benches:
         _benches[reference] = load_bench_file(reference or None)

@@ -1,5 +1,5 @@
-"""Expectations: what a trace must show. Values, evaluated on the recording, never on the product's own
-opinion.
+"""Expectations: what a trace must show. Values, evaluated on the recording,
+never on the product's own opinion.
 
 Reference instants are given as seconds or as an event: `since=event("fault.applied")`. `golden` holds the
 numbers of the reference axis, `checkers` the rules that hold in every run.

@@ -7,14 +7,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from copy import copy
 from dataclasses import dataclass, fields, replace
+from numbers import Real
 from typing import Self
 
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import Event
 from hil.errors import NotRecordedError, RecordingError
+from hil.expect._wording import clause, default_sentence, starting
 from hil.record import EventSelector, Signal, Trace, check_selector
 from reports.model import Check, Verdict
-from reports.text import margin_text
+from reports.text import check_sentence, margin_text
 
 Reference = float | EventSelector
 """An instant: seconds from the start of the case, or an event of the log (`event("fault.applied")`)."""
@@ -41,6 +43,7 @@ class UnknownYetError(Exception):
 
 
 _BEGINS = ("since", "at", "by", "after")
+_REFERENCES = (*_BEGINS, "until")
 """Fields that say from when on something is judged."""
 
 
@@ -100,7 +103,18 @@ def pending_alarms(trace: Trace, axis: str) -> list[tuple[int, int, int, int]]:
 
 def words_of(reference: Reference) -> str:
     """Return a reference in words."""
-    return str(reference) if isinstance(reference, EventSelector) else f"{reference:g} s"
+    if isinstance(reference, EventSelector):
+        return str(reference)
+    return f"{reference:g} s" if _is_number(reference) else repr(reference)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def of_axis(axis: str | None, column: str) -> str:
+    """Return the name of a signal of an axis; of the axis that is not known yet its column alone."""
+    return f"{axis}.{column}" if axis else column
 
 
 def words_of_span(since: Reference, until: Reference | None) -> str:
@@ -108,7 +122,7 @@ def words_of_span(since: Reference, until: Reference | None) -> str:
     return f"from {words_of(since)} to {'the end' if until is None else words_of(until)}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Expectation(ABC):
     """Base of all expectations, which are frozen dataclasses: `alarm(421, within_s=0.05)` is a value.
 
@@ -147,8 +161,8 @@ class Expectation(ABC):
 
     @abstractmethod
     def judge(self, trace: Trace) -> list[Check]:
-        """Evaluate on a trace; may raise `ReferenceMissingError`, which `evaluate` turns into a failed
-        check.
+        """Evaluate on a trace; may raise `ReferenceMissingError`, which
+        `evaluate` turns into a failed check.
         """
 
     def signals_named(self) -> tuple[str, ...]:
@@ -183,6 +197,25 @@ class Expectation(ABC):
                 if isinstance(one, EventSelector):
                     yield one
 
+    def on(self, trace: Trace) -> Self:  # noqa: ARG002 - for those that are about an axis
+        """Return the same expectation with the axis that it is about, where it names none.
+
+        That is the axis, or the axis of the drive, that its reference is an event of, or the only axis. A
+        drive that is named as axis stands for its axis.
+
+        Raises:
+            RecordingError: There are several axes, and it is about none of them.
+
+        """
+        return self
+
+    def signals_on(self, trace: Trace) -> tuple[str, ...]:
+        """Return the signals that this expectation judges on a trace."""
+        try:
+            return self.on(trace).signals_named()
+        except RecordingError:
+            return ()
+
     def verify(self, trace: Trace) -> None:
         """Refuse names that cannot be in the trace: an expectation with a slip of the pen must not pass.
 
@@ -201,6 +234,28 @@ class Expectation(ABC):
         cannot answer it.
         """
         try:
+            self._check_references()
+            one = self.on(trace)
+        except RecordingError as error:
+            return [self.check(Verdict.ERROR, str(error), None)]
+        return one._evaluate(trace)  # noqa: SLF001 - itself, or a copy
+
+    def _check_references(self) -> None:
+        """Refuse an instant that is neither a number nor an event.
+
+        Raises:
+            RecordingError: It is something else, such as a text.
+
+        """
+        for item in fields(self):
+            value = getattr(self, item.name) if item.name in _REFERENCES else None
+            if value is not None and not isinstance(value, EventSelector) and not _is_number(value):
+                allowed = "a time in seconds, such as 0.05, or an event(...)"
+                raise RecordingError(f"{item.name}: {value!r} is not allowed; allowed: {allowed}")
+
+    def _evaluate(self, trace: Trace) -> list[Check]:
+        """Return the outcome, with the axis known."""
+        try:
             self.verify(trace)
             self._check_zero(trace)
             refused = self._outside(trace)
@@ -213,7 +268,9 @@ class Expectation(ABC):
             silences = trace.silences(missing.reference.source or "")
             if silences:
                 return [self.unseen(trace, f"{missing}, but {silences[0][2]}", silences[0][0])]
-            return [self.outcome(passed=False, observed=str(missing), time_s=trace.end_s)]
+            phrase = clause(missing.reference)
+            sentence = f"{phrase.subject} {phrase.denied}, from which on {self.title} was expected"
+            return [self.outcome(passed=False, observed=str(missing), time_s=trace.end_s, sentence=sentence)]
         except NotRecordedError as error:
             return [self.check(Verdict.BLOCKED, str(error), None)]
         except RecordingError as error:
@@ -225,9 +282,11 @@ class Expectation(ABC):
         """
         return self.check(Verdict.BLOCKED if trace.from_log else Verdict.FAILED, observed, time_s)
 
-    def missing(self, trace: Trace, observed: str, time_s: float, bound_s: float | None) -> Check:
-        """Return the check for what did not come until `bound_s`; a log that ended before then cannot
-        tell.
+    def missing(
+        self, trace: Trace, observed: str, time_s: float, bound_s: float | None, *, sentence: str = ""
+    ) -> Check:
+        """Return the check for what did not come until `bound_s`; a log that
+        ended before then cannot tell.
         """
         begin_s = self._begin(trace) or 0.0
         end_s = trace.end_s if bound_s is None else bound_s
@@ -237,7 +296,9 @@ class Expectation(ABC):
         unknown = self._not_known(trace, begin_s, end_s)
         if unknown is not None:
             return self.check(Verdict.BLOCKED, f"{observed}, but {unknown[1]}", unknown[0])
-        return self.outcome(passed=False, observed=observed, time_s=time_s, since_s=begin_s)
+        return self.outcome(
+            passed=False, observed=observed, time_s=time_s, since_s=begin_s, sentence=sentence
+        )
 
     def _check_zero(self, trace: Trace) -> None:
         """Refuse to compare a value with numbers where only its displacement is known."""
@@ -259,8 +320,8 @@ class Expectation(ABC):
         return None
 
     def _outside(self, trace: Trace) -> tuple[str, float] | None:
-        """Return what of the observation lies outside of the recording, or makes it none, and when; None:
-        nothing.
+        """Return what of the observation lies outside of the recording, or makes it
+        none, and when; None: nothing.
         """
         begin_s = self._begin(trace)
         if begin_s is None:
@@ -302,18 +363,23 @@ class Expectation(ABC):
             observed = (
                 f"{check.observed}, but the recording ends at {trace.end_s:.6f} s, before {words_of(needed)}"
             )
-            return replace(self.unseen(trace, observed, trace.end_s), name=check.name)
+            return self._named(self.unseen(trace, observed, trace.end_s), check.name)
         if begin_s is None:
             return check
         unknown = self._not_known(trace, begin_s, end_s)
         if unknown is None:
             return check
         observed = f"{check.observed}, but {unknown[1]}"
-        return replace(self.unseen(trace, observed, unknown[0]), name=check.name)
+        return self._named(self.unseen(trace, observed, unknown[0]), check.name)
+
+    def _named(self, check: Check, name: str) -> Check:
+        named = replace(check, name=name)
+        named.sentence = default_sentence(named)
+        return named
 
     def _not_known(self, trace: Trace, begin_s: float, end_s: float) -> tuple[float, str] | None:
-        """Return when a component that has to be heard was not in a log, between two times, and the words for
-        it.
+        """Return when a component that has to be heard was not in a log, between
+        two times, and the words for it.
         """
         for component in self.components_named():
             for silent_s, heard_s, reason in trace.silences(component, values=self.needs_values()):
@@ -338,20 +404,28 @@ class Expectation(ABC):
         high: float | None = None,
         signal: str = "",
         since_s: float | None = None,
+        sentence: str = "",
     ) -> Check:
-        """Return a passed or failed check of this expectation."""
+        """Return a passed or failed check of this expectation; `sentence` says what
+        came of it, limits in brackets.
+        """
         check = self.check(Verdict.PASSED if passed else Verdict.FAILED, observed, time_s)
         if name:
             check.name = f"{check.name}: {name}"
         if expected:
             check.expected = expected
+        if sentence:
+            label = f"{starting(self.label)}: " if self.label else ""
+            check.sentence = label + sentence if label else starting(sentence)
+        else:
+            check.sentence = default_sentence(check)
         check.value, check.unit, check.low, check.high = value, unit, low, high
         check.signal, check.since_s = signal, since_s
         return check
 
     def check(self, verdict: Verdict, observed: str, time_s: float | None) -> Check:
         """Return a check of this expectation with any verdict."""
-        return Check(
+        check = Check(
             name=self.label or self.title,
             verdict=verdict,
             expected=self.wanted,
@@ -359,19 +433,33 @@ class Expectation(ABC):
             time_s=time_s,
             requirements=list(self.requirements),
         )
+        check.sentence = default_sentence(check)
+        return check
 
 
 def evaluate(trace: Trace, expectations: Iterable[Expectation]) -> list[Check]:
-    """Evaluate expectations in order."""
+    """Evaluate expectations in order.
+
+    Raises:
+        ConfigurationError: One of them is no expectation.
+
+    """
+    expectations = list(expectations)
+    given: list[object] = [*expectations]
+    for one in given:
+        if not isinstance(one, Expectation):
+            allowed = "expectations of hil.expect, such as alarm(421)"
+            if isinstance(one, list | tuple):
+                allowed += "; those of a list with a star: check(*expectations)"
+            elif isinstance(one, type):
+                allowed += f"; with parentheses: {one.__name__}(...)"
+            raise ConfigurationError("check", one, allowed)
     return [check for expectation in expectations for check in expectation.evaluate(trace)]
 
 
 def describe(check: Check) -> str:
-    """Return a check as one readable text: name, verdict, expected, observed, by how much, when."""
-    by = margin_text(check)
+    """Return a check as one readable text: its sentence, by how much it missed a limit, when."""
+    by = "" if check.verdict is Verdict.PASSED else margin_text(check)
     margin = f", {by}" if by else ""
     when = "" if check.time_s is None else f" (at {check.time_s:.6f} s)"
-    return (
-        f"{check.name}: {check.verdict.value}; expected {check.expected}; "
-        f"observed {check.observed}{margin}{when}"
-    )
+    return f"{check_sentence(check)}{margin}{when}"

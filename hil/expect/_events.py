@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Final
 
+from typing_extensions import override
+
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import Event
 from hil.expect._base import (
@@ -20,9 +22,11 @@ from hil.expect._base import (
     words_of_span,
 )
 from hil.expect._hidden import hidden_state
+from hil.expect._wording import after, allowed, clause, instant_words, period, span
 from hil.record import EventSelector, Trace, check_state
 from hil.record import event as select_event
 from reports.model import Check
+from reports.text import reaction_name
 
 JOB_OUTPUTS: Final = {
     "Busy": "job.started",
@@ -41,7 +45,7 @@ def nth_of(entries: Sequence[Event], nth: int) -> Event | None:
     return entries[index] if -len(entries) <= index < len(entries) else None
 
 
-def _told(entry: Event, *keys: str) -> str:
+def _event_text(entry: Event, *keys: str) -> str:
     parts = [f"{key} {entry.data[key]}" for key in keys if entry.data.get(key) not in (None, "")]
     return f"{', '.join(parts)} at {entry.time_ns * 1e-9:.6f} s"
 
@@ -55,10 +59,10 @@ def _alarms(trace: Trace, since_s: float, until_s: float, axis: str | None) -> l
 
 
 def _listed(entries: Sequence[Event]) -> str:
-    return "; ".join(_told(entry, "number", "reaction", "text") for entry in entries) or "no alarm"
+    return "; ".join(_event_text(entry, "number", "reaction", "text") for entry in entries) or "no alarm"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class alarm(Expectation):
     """Expect technology alarm `number`, with `reaction`, at most `within_s` after `since`.
 
@@ -96,13 +100,13 @@ class alarm(Expectation):
         bound = "" if self.within_s is None else f" within {self.within_s:g} s"
         return f"alarm {self.number}{reaction}{bound} after {words_of(self.since)}"
 
+    @override
     def events_named(self) -> Iterator[EventSelector]:
-        """See `Expectation`: the alarm, and the reference."""
         yield select_event("alarm.raised", self.axis, number=self.number)
-        yield from super(alarm, self).events_named()
+        yield from super().events_named()
 
-    def needed_until(self, trace: Trace) -> Reference:  # noqa: ARG002 - see `Expectation`
-        """See `Expectation`: what has come has come."""
+    @override
+    def needed_until(self, trace: Trace) -> Reference:
         return self.since
 
     def judge(self, trace: Trace) -> list[Check]:
@@ -112,27 +116,54 @@ class alarm(Expectation):
         mine = [entry for entry in entries if entry.data.get("number") == self.number]
         if not mine:
             bound_s = None if self.within_s is None else since_s + self.within_s
-            return [self.missing(trace, _listed(entries), since_s, bound_s)]
+            instead = f"instead {_numbers(entries)} came" if entries else "no alarm came"
+            sentence = f"{self._subject} did not come{self._moment(None)}, {instead}{self._allowed}"
+            return [self.missing(trace, _listed(entries), since_s, bound_s, sentence=sentence)]
         entry = mine[0]
         delay_s = entry.time_ns * 1e-9 - since_s
         good = self.within_s is None or delay_s <= self.within_s + SLACK_S
-        if self.reaction is not None and entry.data.get("reaction") != self.reaction:
+        sentence = f"{self._subject} came{self._moment(delay_s)}{self._allowed}"
+        found = int(entry.data.get("reaction") or 0)
+        if self.reaction is not None and found != self.reaction:
             good = False
+            sentence += (
+                f", but with reaction {found} ({reaction_name(found)}) "
+                f"instead of {self.reaction} ({reaction_name(self.reaction)})"
+            )
         return [
             self.outcome(
                 passed=good,
-                observed=f"{_told(entry, 'number', 'reaction')}, {delay_s:.6f} s after",
+                observed=f"{_event_text(entry, 'number', 'reaction')}, {delay_s:.6f} s after",
                 time_s=entry.time_ns * 1e-9,
                 value=delay_s,
                 unit="s",
                 low=0.0 if self.within_s is not None else None,
                 high=self.within_s,
                 since_s=since_s,
+                sentence=sentence,
             )
         ]
 
+    @property
+    def _subject(self) -> str:
+        return f"alarm {self.number}" + (f" of {self.axis}" if self.axis else "")
 
-@dataclass(frozen=True, slots=True)
+    @property
+    def _allowed(self) -> str:
+        return "" if self.within_s is None else allowed(span(self.within_s))
+
+    def _moment(self, delay_s: float | None) -> str:
+        words = after(self.since, delay_s)
+        return f" {words}" if words else ""
+
+
+def _numbers(entries: Sequence[Event]) -> str:
+    numbers = [str(entry.data.get("number")) for entry in entries]
+    more = f" and {len(numbers) - 3} more" if len(numbers) > 3 else ""
+    return f"alarm{'s' if len(numbers) > 1 else ''} {', '.join(numbers[:3])}{more}"
+
+
+@dataclass(frozen=True)
 class no_alarm(Expectation):
     """Expect no alarm from `since` to `until` (default: the end), besides the numbers given.
 
@@ -160,21 +191,26 @@ class no_alarm(Expectation):
         """What is expected, in words."""
         return f"{self.title} {words_of_span(self.since, self.until)}"
 
+    @override
     def events_named(self) -> Iterator[EventSelector]:
-        """See `Expectation`: any alarm, the excepted ones, and the references."""
         yield select_event("alarm.raised", self.axis)
         yield from (select_event("alarm.raised", number=number) for number in self.besides)
-        yield from super(no_alarm, self).events_named()
+        yield from super().events_named()
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
         entries = _alarms(trace, instant(trace, self.since), end_of(trace, self.until), self.axis)
         entries = [entry for entry in entries if entry.data.get("number") not in self.besides]
         when = entries[0].time_ns * 1e-9 if entries else None
-        return [self.outcome(passed=not entries, observed=_listed(entries), time_s=when)]
+        besides = f" but {', '.join(map(str, self.besides))}" if self.besides else ""
+        axis = f" of {self.axis}" if self.axis else ""
+        sentence = f"no alarm{axis}{besides} came {period(self.since, self.until)}"
+        if when is not None:
+            sentence = f"{_numbers(entries)}{axis} came at {instant_words(when)}{allowed(f'none{besides}')}"
+        return [self.outcome(passed=not entries, observed=_listed(entries), time_s=when, sentence=sentence)]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class happens(Expectation):
     """Expect an event at most `within_s` after `since`, and not after `until`.
 
@@ -213,16 +249,16 @@ class happens(Expectation):
         until = "" if self.until is None else f" until {words_of(self.until)}"
         return f"{self.title}{bound} after {words_of(self.since)}{until}"
 
+    @override
     def needed_until(self, trace: Trace) -> Reference:
-        """See `Expectation`: what has come has come, what never comes has to be watched to the end."""
-        return super(happens, self).needed_until(trace) if self.never else self.since
+        return super().needed_until(trace) if self.never else self.since
 
+    @override
     def components_named(self) -> tuple[str, ...]:
-        """See `Expectation`: who has to be heard to say that it does not happen."""
         return (self.selector.source or "",)
 
+    @override
     def needs_values(self) -> bool:
-        """See `Expectation`: a drive tells its states in process data, its network state in services."""
         return self.selector.kind.startswith("drive.") and self.selector.kind != "drive.nmt"
 
     def judge(self, trace: Trace) -> list[Check]:
@@ -234,6 +270,13 @@ class happens(Expectation):
             if since_s - SLACK_S <= entry.time_ns * 1e-9 <= until_s + SLACK_S
         ]
         entry = nth_of(inside, self.selector.nth)
+        phrase = clause(self.selector)
+        limit = "" if self.within_s is None else allowed(span(self.within_s))
+
+        def moment(delay_s: float | None) -> str:
+            words = after(self.since, delay_s)
+            return f" {words}" if words else ""
+
         hidden = hidden_state(trace, self.selector, since_s, until_s) if entry is None else ""
         if hidden:
             return [self.unseen(trace, f"it was not seen, but {hidden}", since_s)]
@@ -242,12 +285,28 @@ class happens(Expectation):
                 "it did not happen" if entry is None else f"{entry.kind} at {entry.time_ns * 1e-9:.6f} s"
             )
             when = None if entry is None else entry.time_ns * 1e-9
-            return [self.outcome(passed=entry is None, observed=observed, time_s=when, since_s=since_s)]
+            sentence = f"{phrase.subject} {phrase.denied} {period(self.since, self.until)}"
+            if when is not None:
+                sentence = f"{phrase.subject} {phrase.past} at {instant_words(when)}{allowed('never')}"
+            return [
+                self.outcome(
+                    passed=entry is None, observed=observed, time_s=when, since_s=since_s, sentence=sentence
+                )
+            ]
         if entry is None:
             bounds = [since_s + self.within_s] if self.within_s is not None else []
             bounds += [until_s] if self.until is not None else []
-            observed = f"it did not happen{self._seen_instead(trace, since_s)}"
-            return [self.missing(trace, observed, since_s, min(bounds, default=None))]
+            instead = self._seen_instead(trace, since_s)
+            sentence = f"{phrase.subject} {phrase.denied}{moment(None)}{limit}{instead}"
+            return [
+                self.missing(
+                    trace,
+                    f"it did not happen{instead}",
+                    since_s,
+                    min(bounds, default=None),
+                    sentence=sentence,
+                )
+            ]
         delay_s = entry.time_ns * 1e-9 - since_s
         return [
             self.outcome(
@@ -259,6 +318,7 @@ class happens(Expectation):
                 low=0.0 if self.within_s is not None else None,
                 high=self.within_s,
                 since_s=since_s,
+                sentence=f"{phrase.subject} {phrase.past}{moment(delay_s)}{limit}",
             )
         ]
 
@@ -285,7 +345,7 @@ class happens(Expectation):
         return f"; instead: {', '.join(texts)}" if texts else ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class event_order(Expectation):
     """Expect events in this order in the log, others in between allowed.
 
@@ -319,8 +379,8 @@ class event_order(Expectation):
         """What is expected, in words."""
         return f"{', then '.join(map(str, self.selectors))} after {words_of(self.since)}"
 
-    def needed_until(self, trace: Trace) -> Reference:  # noqa: ARG002 - see `Expectation`
-        """See `Expectation`: what has come has come."""
+    @override
+    def needed_until(self, trace: Trace) -> Reference:
         return self.since
 
     def judge(self, trace: Trace) -> list[Check]:
@@ -354,17 +414,36 @@ class event_order(Expectation):
                     return [self.unseen(trace, f"'{selector}' {missing}{before}, but {hidden}", when)]
                 return [
                     self.outcome(
-                        passed=False, observed=f"'{selector}' {missing}{before}", time_s=when, since_s=since_s
+                        passed=False,
+                        observed=f"'{selector}' {missing}{before}",
+                        time_s=when,
+                        since_s=since_s,
+                        sentence=self._broken(selector, trace, early),
                     )
                 ]
             entry = trace.events[at]
             found.append(f"{entry.kind} at {entry.time_ns * 1e-9:.6f} s")
             position = at + 1
         when = trace.events[position - 1].time_ns * 1e-9 if found else since_s
-        return [self.outcome(passed=True, observed=", ".join(found), time_s=when)]
+        words = ", then ".join(instant_words(selector) for selector in self.selectors)
+        return [
+            self.outcome(
+                passed=True, observed=", ".join(found), time_s=when, sentence=f"in order came {words}"
+            )
+        ]
+
+    def _broken(self, selector: EventSelector, trace: Trace, early: int | None) -> str:
+        """Return the sentence for the first event that is not in its place."""
+        phrase = clause(selector)
+        before = [instant_words(one) for one in self.selectors[: list(self.selectors).index(selector)]]
+        behind = f" after {before[-1]}" if before else ""
+        if early is None:
+            return f"{phrase.subject} {phrase.denied}{behind}"
+        when = trace.events[early].time_ns * 1e-9
+        return f"{phrase.subject} {phrase.past} too early, at {instant_words(when)} (allowed: only{behind})"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class state_at(Expectation):
     """Expect `component` in the state `text` at an instant.
 
@@ -392,22 +471,22 @@ class state_at(Expectation):
         """What is expected, in words."""
         return f"{self.component} in state {self.text} at {words_of(self.at)}"
 
+    @override
     def components_named(self) -> tuple[str, ...]:
-        """See `Expectation`: the component itself."""
         return (self.component,)
 
+    @override
     def needs_values(self) -> bool:
-        """See `Expectation`: all but network states are told in process data."""
         return self.kind not in ("drive.nmt", "nmt.state")
 
+    @override
     def verify(self, trace: Trace) -> None:
-        """See `Expectation`: the component has to have this state."""
-        super(state_at, self).verify(trace)
+        super().verify(trace)
         check_state(trace, self.component, self.text, self.kind)
 
     def judge(self, trace: Trace) -> list[Check]:
-        """Evaluate on a trace: of every state machine of the component, the last event not later than the
-        instant.
+        """Evaluate on a trace: of every state machine of the component, the last
+        event not later than the instant.
         """
         at_s = instant(trace, self.at)
         found: dict[str, Event] = {}
@@ -427,7 +506,12 @@ class state_at(Expectation):
             name = f"{self.component}.state"
             states = [trace[name].text(value_in_force(trace, name, at_s))]
             observed = states[0]
-        return [self.outcome(passed=self.text in states, observed=observed, time_s=at_s)]
+        passed = self.text in states
+        where = f"at {instant_words(self.at)}"
+        shown = self.text if passed else " and ".join(states)
+        instead = "" if passed else f" instead of {self.text}"
+        sentence = f"{self.component} was in {shown}{instead} {where}"
+        return [self.outcome(passed=passed, observed=observed, time_s=at_s, sentence=sentence)]
 
 
 def _check_event(where: str, selector: EventSelector) -> None:

@@ -1,5 +1,5 @@
-"""Measuring a stop on recorded signals: begin, end, ramp time, travel, peak values, and who made the ramp
-(STP-553).
+"""Measuring a stop on recorded signals: begin, end, ramp time, travel, peak values,
+and who made the ramp (STP-553).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hil.record import Signal, Trace
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class StopMeasurement:
     """What a stop looked like. Units are those of the measured signals."""
 
@@ -29,8 +29,8 @@ class StopMeasurement:
     distance: float | None
     """Travel from begin to end, magnitude."""
     mean_deceleration: float | None
-    """Slope of a straight line through the middle of the ramp (80 % to 20 % of the start velocity),
-    magnitude.
+    """Slope of a straight line through the middle of the ramp (80 % to 20 % of
+    the start velocity), magnitude.
     """
     peak_deceleration: float
     """Greatest decrease of speed per second between two samples."""
@@ -38,8 +38,7 @@ class StopMeasurement:
     """Greatest change of that per second."""
     made_by: str
     """`controller` (the setpoint ramps), `drive` (the setpoint is zero while the axis still brakes), or empty
-    when no
-    setpoint was recorded."""
+    when no setpoint was recorded."""
 
     @property
     def duration_s(self) -> float | None:
@@ -121,8 +120,8 @@ def _travel(trace: Trace, velocity: Signal, position: str | None, begin_s: float
 
 
 def _middle_line(ramp: Signal, start: float, sign: float) -> tuple[float, float, float] | None:
-    """Fit a straight line between 80 % and 20 % of the start velocity; returns a point (time, speed) and the
-    slope.
+    """Fit a straight line between 80 % and 20 % of the start velocity; returns a
+    point (time, speed) and the slope.
     """
     speed = sign * ramp.values
     middle = (speed <= 0.8 * start) & (speed >= 0.2 * start)
@@ -138,8 +137,8 @@ def _maker(setpoint: Signal, velocity: Signal, begin_s: float, end_s: float, sta
     """Tell a setpoint that ramps down from one that is gone while the axis still brakes.
 
     Each signal is measured against its own start, so that the speed setpoint to the drive (rpm) may stand
-    beside an actual velocity in mm/s. The sample before the reference counts as start too: at the reference
-    itself the setpoint may already be zero.
+    together with an actual velocity in mm/s. The sample before the reference counts as start too: at the
+    reference itself the setpoint may already be zero.
     """
     if len(setpoint) == 0:
         return ""

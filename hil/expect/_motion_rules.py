@@ -20,8 +20,8 @@ REST_TRAVEL: dict[str, float] = {"m": 0.0001, "rad": 0.01, "mm": 0.1}
 
 
 WINDOW_S = (0.05, 0.15)
-"""What counts as an earlier speed: between these times back. A rebound from an elastic stop is then no
-acceleration.
+"""What counts as an earlier speed: between these times back. A rebound from an
+elastic stop is then no acceleration.
 """
 _AFTER_PUSH_S = 0.5
 """A spring that is let go or a load that swings back needs a moment to come to rest."""
@@ -32,8 +32,8 @@ _REST_S = 0.1
 
 
 def pushed_spans(trace: Trace, drive: str) -> list[tuple[float, float]]:
-    """Return when something else than the drive may move the mechanics: a force, a released block, an end
-    stop.
+    """Return when something else than the drive may move the mechanics: a force,
+    a released block, an end stop.
     """
     spans = []
     pushing: dict[object, float] = {}
@@ -50,8 +50,8 @@ def pushed_spans(trace: Trace, drive: str) -> list[tuple[float, float]]:
 
 
 def _stop_spans(trace: Trace, drive: str) -> list[tuple[float, float]]:
-    """Return when the axis touches an end stop, where the bench states its place
-    (`<drive>.positive_stop`).
+    """Return when the axis touches an end stop, where the bench states
+    its place (`<drive>.positive_stop`).
     """
     position = trace[f"{drive}.position"]
     slack = REST_TRAVEL.get(position.unit, 0.0001)
@@ -74,8 +74,8 @@ def _stretches(times: NDArray[np.float64], flags: NDArray[np.bool_]) -> list[tup
 
 
 def check_motion_while_disabled(trace: Trace) -> list[Check]:
-    """Without torque an axis coasts at most: it gets no faster, and once at rest it stays there (STP-331,
-    C402-010).
+    """Without torque an axis coasts at most: it gets no faster, and once at rest it
+    stays there (STP-331, C402-010).
     """
     checks = []
     for drive, word, without, requirements in _drives_without_torque(trace):
@@ -109,8 +109,8 @@ def check_motion_while_disabled(trace: Trace) -> list[Check]:
 
 
 def _drives_without_torque(trace: Trace) -> Iterator[tuple[str, Signal, NDArray[np.bool_], list[str]]]:
-    """Return drives of either profile, with a signal for the times, where they show no torque, and what that
-    concerns.
+    """Return drives of either profile, with a signal for the times, where they show no
+    torque, and what that concerns.
     """
     for drive in trace.components_with("statusword", "position", "velocity", "torque"):
         word = trace[f"{drive}.statusword"]
@@ -159,8 +159,8 @@ def commanded(speed: float, outputs: Iterable[float]) -> bool:
 
 
 def _commanded(trace: Trace, drive: str, time_s: float) -> bool:
-    """Return whether a drive had been told to get as fast as it is in the very sample in which its torque
-    went.
+    """Return whether a drive was commanded to get as fast as it is in the very
+    sample in which its torque went.
 
     A setpoint that jumped (MotionIn) lets it take a good step in one sample.
     """
@@ -228,10 +228,10 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
     """The velocity setpoint changes no faster than the greatest configured (de)celeration (STP-239, STP-244).
 
     Needs the constants `<axis>.max_acceleration`, `<axis>.max_deceleration` and
-    `<axis>.emergency_deceleration`. At a change of the axis state the generator may start anew from actual
-    values; the samples around it are not judged, but that a ramp which stops the axis begins among the
-    velocities that it has or had a moment ago. Setpoints that the user program gives itself are not judged
-    (MC-568).
+    `<axis>.emergency_deceleration`. At a change of the axis state the generator may start again from
+    actual values; the samples around it are not judged, but that a ramp which stops the axis begins
+    among the velocities that it has or had a moment ago. Setpoints that the user program gives
+    itself are not judged (MC-568).
     """
     checks = []
     for axis in trace.components_with("velocity_setpoint", "state", "status_word"):
@@ -260,7 +260,7 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
             np.round(state.values), [c for c, t in state.enum.items() if normal_state(t) in STOPS]
         )
         steps = np.flatnonzero(inside & (judged | stopping[1:]) & (jump > bound))
-        broken = [at for at in steps if judged[at] or not _starts_anew(trace, axis, signal, int(at), bound)]
+        broken = [at for at in steps if judged[at] or not _starts_again(trace, axis, signal, int(at), bound)]
         index = int(broken[0]) if broken else None
         rates = (jump / step_s)[judged] if index is None else (jump / step_s)[broken]
         worst = float(rates.max(initial=0.0))
@@ -284,7 +284,7 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
     return checks
 
 
-def _starts_anew(trace: Trace, axis: str, setpoint: Signal, at: int, bound: NDArray[np.float64]) -> bool:
+def _starts_again(trace: Trace, axis: str, setpoint: Signal, at: int, bound: NDArray[np.float64]) -> bool:
     """Return whether a step behind sample `at` ends between the setpoint before it and the actual velocities
     around it.
     """
@@ -297,8 +297,8 @@ def _starts_anew(trace: Trace, axis: str, setpoint: Signal, at: int, bound: NDAr
 
 
 def given_by_program(trace: Trace, axis: str) -> NDArray[np.bool_]:
-    """Return the samples in which the user program gives setpoints: StatusWord.X31, StatusWord2.X6 (MIN-013,
-    MIN-014).
+    """Return the samples in which the user program gives setpoints: StatusWord.X31,
+    StatusWord2.X6 (MIN-013, MIN-014).
     """
     given = _bit(trace[f"{axis}.status_word"], 31)
     name = f"{axis}.status_word2"
@@ -317,8 +317,8 @@ def _bit(word: Signal, number: int) -> NDArray[np.bool_]:
 
 
 def no_change(trace: Trace, axis: str, signal: Signal) -> NDArray[np.bool_]:
-    """Return which intervals between samples hold no change of state and no start of a job, nor follow one
-    directly.
+    """Return which intervals between samples hold no change of state and no start of
+    a job, nor follow one directly.
     """
     free = np.ones(len(signal) - 1, dtype=bool)
     for kind in ("axis.state", "axis.homed", "alarm.raised", "program.write", "job.active"):

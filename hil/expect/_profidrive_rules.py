@@ -87,8 +87,8 @@ _TEXTS: Final = {
 
 
 def state_of(text: object) -> str:
-    """Return the state that a drive's event names, as in `TRANSITIONS`; empty when it is none of this
-    profile.
+    """Return the state that a drive's event names, as in `TRANSITIONS`; empty
+    when it is none of this profile.
     """
     return _TEXTS.get(normal_state(str(text)), "")
 
@@ -119,8 +119,8 @@ def _check(
 
 
 def check_profidrive_transitions(trace: Trace) -> list[Check]:
-    """Every change of state is one of the general state machine, and STW1 shows its condition (PD-097 to
-    PD-113).
+    """Every change of state is one of the general state machine, and STW1 shows
+    its condition (PD-097 to PD-113).
 
     A bus log shows the states at SYNC only: there one in between may be missing.
     """
@@ -171,8 +171,8 @@ def _condition_holds(trace: Trace, drive: str, when: float, rule: Rule) -> bool:
 
 
 def check_profidrive_words(trace: Trace) -> list[Check]:
-    """ZSW1 shows one of the states, and a fault goes with an edge of STW1.7 under control by PLC only
-    (PD-078).
+    """ZSW1 shows one of the states, and a fault goes with an edge of STW1.7
+    under control by PLC only (PD-078).
     """
     checks = []
     for drive in profidrive_axes(trace):
@@ -217,8 +217,8 @@ def check_profidrive_words(trace: Trace) -> list[Check]:
 
 
 def check_profidrive_stops(trace: Trace) -> list[Check]:
-    """While STW1.1 = 0 (OFF2) the pulses are off at once; without pulses there is no torque (PD-104, PD-108,
-    PD-112).
+    """While STW1.1 = 0 (OFF2) the pulses are off at once; without pulses there is no
+    torque (PD-104, PD-108, PD-112).
     """
     checks = []
     for drive in profidrive_axes(trace):

@@ -275,7 +275,7 @@ def _drifted(trace: Trace, axis: str, drive: str, scale: float) -> tuple[float, 
             *(entry for entry in trace.events if entry.kind in {"axis.homed", "link.up", "link.down"}),
         )
     )
-    room = speed * 4 * trace.constants.get(f"{axis}.cycle_s", 0.004) + 0.05
+    margin = speed * 4 * trace.constants.get(f"{axis}.cycle_s", 0.004) + 0.05
     known = linked & ~disturbed & ~np.isnan(true) & ~np.isnan(speed)
     offset: float | None = None
     settle = 0
@@ -292,6 +292,6 @@ def _drifted(trace: Trace, axis: str, drive: str, scale: float) -> tuple[float, 
             # Taken at rest only: in motion it would hold the delay of the bus.
             if speed[index] < 0.5:
                 offset = difference
-        elif abs(difference - offset) > room[index]:
+        elif abs(difference - offset) > margin[index]:
             return when_s, f"they have drifted apart by {difference - offset:.4g} {actual.unit}"
     return None

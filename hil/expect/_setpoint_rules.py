@@ -38,8 +38,8 @@ def _axes(trace: Trace) -> Iterator[tuple[str, Signal, NDArray[np.float64]]]:
 
 
 def _judged(trace: Trace, axis: str, velocity: Signal) -> Flags:
-    """Return the steps between samples in which the axis makes its setpoints itself and nothing begins
-    anew.
+    """Return the steps between samples in which the axis makes its setpoints
+    itself and nothing starts again.
     """
     state = trace[f"{axis}.state"]
     codes = [code for code, text in state.enum.items() if normal_state(text) in STEADY_STATES]
@@ -52,7 +52,7 @@ def check_position_continuity(trace: Trace) -> list[Check]:
     """The position setpoint moves by its velocity: no step beyond v * T and a tolerance (MC-568).
 
     The tolerance is what the greatest acceleration can add in a cycle. A change of state and an offset of
-    homing may set the position anew; they are not judged, nor are setpoints that the user program gives, nor
+    homing may set a new position; they are not judged, nor are setpoints that the user program gives, nor
     what follows the actual position without position control.
     """
     checks = []
@@ -74,7 +74,8 @@ def check_position_continuity(trace: Trace) -> list[Check]:
                 f"continuity of {axis}.position_setpoint",
                 Verdict.PASSED if index is None else Verdict.FAILED,
                 "no step beyond velocity times cycle",
-                f"{int(judged.sum())} cycles, nearest to the limit by {max(-over, 0.0):.3g} {position.unit}"
+                f"{int(judged.sum())} cycles"
+                + (f", nearest to the limit by {max(-over, 0.0):.3g} {position.unit}" if judged.any() else "")
                 if index is None
                 else f"a step of {float(step[index]):.5g} {position.unit} at {float(speed[index]):.4g} "
                 f"{velocity.unit}",
@@ -92,8 +93,8 @@ def check_position_continuity(trace: Trace) -> list[Check]:
 def check_acceleration_setpoint(trace: Trace) -> list[Check]:
     """The acceleration setpoint keeps within the greatest configured one (STP-239, STP-241, MC-568).
 
-    As in `check_setpoint_continuity`, with the value that the generator itself states in place of the
-    difference.
+    As in `check_setpoint_continuity`, with the value that the generator itself
+    states in place of the difference.
     """
     checks = []
     for axis, velocity, _ in _axes(trace):
@@ -222,7 +223,7 @@ class _Ramps:
 
     @classmethod
     def of(cls, trace: Trace, axis: str) -> _Ramps | None:
-        """Return the ramps, or None where the bench has not told its limits."""
+        """Return the ramps, or None where the bench does not give its limits."""
         names = ("emergency_deceleration", "max_deceleration", "max_jerk", "cycle_s")
         known = [trace.constants.get(f"{axis}.{name}") for name in names]
         if any(value is None for value in known) or not known[0] or not known[1] or not known[3]:

@@ -5,12 +5,15 @@ is disabled.
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from fieldbus.errors import ConfigurationError
 from hil.errors import NotRecordedError
+from hil.expect._axis import axis_about, axis_names, drive_of, signal_about
 from hil.expect._base import (
     SLACK_S,
     Expectation,
@@ -22,12 +25,14 @@ from hil.expect._base import (
     words_of,
     words_of_span,
 )
+from hil.expect._wording import after, allowed, instant_words, span
 from hil.expect._words import has_torque, word_samples
 from hil.record import Signal, Trace
 from reports.model import Check, Verdict
+from reports.text import limit_words, quantity
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class telegram_bits(Expectation):
     """Expect bits of a word of a telegram.
 
@@ -78,17 +83,18 @@ class telegram_bits(Expectation):
         stay = f", and for {self.for_s:g} s" if self.for_s else ""
         return f"{', '.join(parts)} {bound} {words_of(self.at)}{stay}"
 
+    @override
     def signals_named(self) -> tuple[str, ...]:
-        """See `Expectation`."""
         return (self.word,)
 
-    def needed_until(self, trace: Trace) -> Reference:  # noqa: ARG002 - see `Expectation`
-        """See `Expectation`: `judge` itself looks at what has been recorded."""
+    @override
+    def needed_until(self, trace: Trace) -> Reference:
         return self.at
 
     def judge(self, trace: Trace) -> list[Check]:
-        """Evaluate on a trace: the value in force at the reference counts, then every change."""
+        """Evaluate on a trace: the value in effect at the reference counts, then every change."""
         at_s = instant(trace, self.at)
+        asked = self.wanted.partition(" within ")[0].partition(" at ")[0]
         if not self.within_s:
             value_in_force(trace, self.word, at_s)
         bound_s = at_s + self.within_s
@@ -100,7 +106,9 @@ class telegram_bits(Expectation):
             if len(words):
                 wrong = (words[0] & self.ones ^ self.ones) | (words[0] & self.zeros)
                 observed = f"16#{int(words[0]):04X}: wrong are {_bits(int(wrong))}"
-            return [self.missing(trace, observed, bound_s, bound_s)]
+            moment = f"within {span(self.within_s)} after" if self.within_s else "at"
+            sentence = f"{self.word} did not have {asked} {moment} {instant_words(self.at)}: {observed}"
+            return [self.missing(trace, observed, bound_s, bound_s, sentence=sentence)]
         first = int(hit[0])
         begin_s = float(times[first])
         left = np.flatnonzero(~good[first:] & (times[first:] < begin_s + self.for_s - SLACK_S))
@@ -116,6 +124,8 @@ class telegram_bits(Expectation):
                     unit="s",
                     low=self.for_s,
                     since_s=begin_s,
+                    sentence=f"{self.word} had {asked} for {span(held_s)} only, then 16#{int(words[at]):04X}"
+                    f"{allowed(f'at least {span(self.for_s)}')}",
                 )
             ]
         if begin_s + self.for_s > trace.end_s + SLACK_S:
@@ -134,6 +144,9 @@ class telegram_bits(Expectation):
                 low=0.0,
                 high=self.within_s,
                 since_s=at_s,
+                sentence=f"{self.word} had {asked} {after(self.at, begin_s - at_s)}"
+                f"{allowed(span(self.within_s)) if self.within_s else ''}"
+                f"{f', and for {span(self.for_s)}' if self.for_s else ''}",
             )
         ]
 
@@ -142,7 +155,7 @@ def _bits(mask: int) -> str:
     return ", ".join(f"X{number}" for number in range(32) if mask >> number & 1)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class settles_within(Expectation):
     """Expect `signal` within `tolerance` of `target` (its unit) at most `within_s` after `since`, and from
     then on to `until`, or to the end of the trace.
@@ -164,6 +177,10 @@ class settles_within(Expectation):
         check_bound("settles_within.tolerance", self.tolerance)
         check_bound("settles_within.within_s", self.within_s)
 
+    @override
+    def on(self, trace: Trace) -> Self:
+        return self._with(signal=signal_about(trace, self.signal, self.since, self.until))
+
     @property
     def title(self) -> str:
         """Name made from the content."""
@@ -178,12 +195,12 @@ class settles_within(Expectation):
             f"and from then on{until}"
         )
 
+    @override
     def signals_named(self) -> tuple[str, ...]:
-        """See `Expectation`."""
         return (self.signal,)
 
+    @override
     def levels_named(self) -> tuple[str, ...]:
-        """See `Expectation`."""
         return self.signals_named()
 
     def judge(self, trace: Trace) -> list[Check]:
@@ -210,6 +227,8 @@ class settles_within(Expectation):
                     signal=self.signal,
                     low=low,
                     high=high,
+                    sentence=f"{self.signal} did not settle: {quantity(value, part.unit)} at the end"
+                    f"{allowed(limit_words(low, high, part.unit))}",
                 )
             ]
         settled_s = float(part.time_s[int(outside[-1]) + 1 if len(outside) else 0])
@@ -224,18 +243,21 @@ class settles_within(Expectation):
                 low=0.0,
                 high=self.within_s,
                 since_s=since_s,
+                sentence=f"{self.signal} settled at {limit_words(low, high, part.unit)} "
+                f"{after(self.since, taken_s)}{allowed(span(self.within_s))}",
             )
         ]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class disabled(Expectation):
     """Expect no enable of the axis and no torque of its drive from `by` on.
 
     Args:
         by: Begin of the observation.
-        axis: Name of the axis; empty: only the drive is judged.
-        drive: Name of the drive; empty: only the axis is judged.
+        axis: Name of the axis; empty: only the drive is judged; None: that of the drive, or the one that
+            `by` is an event of, or the only one.
+        drive: Name of the drive; empty: only the axis is judged; None: that of the axis.
         until: End of the observation; None: the end of the trace.
 
     Raises:
@@ -245,26 +267,36 @@ class disabled(Expectation):
 
     _: KW_ONLY
     by: Reference
-    axis: str = "axis1"
-    drive: str = "drive1"
+    axis: str | None = None
+    drive: str | None = None
     until: Reference | None = None
 
     def __post_init__(self) -> None:
-        if not self.axis and not self.drive:
+        if self.axis == "" and self.drive == "":
             raise ConfigurationError("disabled", (self.axis, self.drive), "an axis, a drive, or both")
+
+    @override
+    def on(self, trace: Trace) -> Self:
+        about = self.axis or ""
+        if not about and (self.axis is None or axis_names(trace)):
+            about = axis_about(trace, "", self.drive, self.by, self.until)
+        return self._with(
+            axis=about if self.axis is None else self.axis,
+            drive=drive_of(trace, about) if self.drive is None else self.drive,
+        )
 
     @property
     def title(self) -> str:
         """Name made from the content."""
-        return f"{' and '.join(filter(None, (self.axis, self.drive)))} disabled"
+        return f"{' and '.join(filter(None, (self.axis, self.drive))) or 'the axis'} disabled"
 
     @property
     def wanted(self) -> str:
         """What is expected, in words."""
         return f"no enable, no torque {words_of_span(self.by, self.until)}"
 
+    @override
     def signals_named(self) -> tuple[str, ...]:
-        """See `Expectation`."""
         axis = (f"{self.axis}.power_status",) if self.axis else ()
         return (*axis, f"{self.drive}.state") if self.drive else axis
 
@@ -302,12 +334,17 @@ class disabled(Expectation):
             if len(broken)
             else f"so at all {int(inside.sum())} samples"
         )
-        return self.outcome(passed=not len(broken), observed=observed, time_s=when, name=name, since_s=by_s)
+        sentence = f"{name} was disabled from {instant_words(self.by)} on"
+        if when is not None:
+            sentence = f"{name} was not disabled after {instant_words(self.by)}: {observed}"
+        return self.outcome(
+            passed=when is None, observed=observed, time_s=when, name=name, since_s=by_s, sentence=sentence
+        )
 
 
 def _torque_possible(trace: Trace, drive: str) -> tuple[Signal, NDArray[np.bool_]]:
-    """Return a word of a drive of either profile, and where it says that the drive may give torque, or says
-    nothing.
+    """Return a word of a drive of either profile, and where it says that the drive
+    may give torque, or says nothing.
     """
     if f"{drive}.drive_zsw2" in trace:
         word = trace[f"{drive}.drive_zsw2"]

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from fieldbus.errors import ConfigurationError
+from hil.expect._axis import axis_about, signal_about
 from hil.expect._base import (
     SLACK_S,
     Expectation,
@@ -18,20 +20,23 @@ from hil.expect._base import (
     check_bound,
     end_of,
     instant,
+    of_axis,
     value_in_force,
     words_of,
     words_of_span,
 )
+from hil.expect._wording import after, allowed, instant_words, span
 from hil.expect._words import word_samples
 from hil.record import Signal, Trace
 from reports.model import Check
+from reports.text import limit_words, quantity
 
 Predicate = Callable[..., Any]
 STW1_MASK = 0x04FF
 """Bits of control word 1 that the technology object owns; the others belong to `MC_SetAxisSTW`."""
 
 
-@dataclass(frozen=True, slots=True, init=False)
+@dataclass(frozen=True, init=False)
 class always(Expectation):
     """Expect `predicate` at every sample.
 
@@ -87,12 +92,12 @@ class always(Expectation):
         """What is expected, in words."""
         return f"{self.title} {words_of_span(self.since, self.until)}"
 
+    @override
     def signals_named(self) -> tuple[str, ...]:
-        """See `Expectation`."""
         return self.signals
 
+    @override
     def levels_named(self) -> tuple[str, ...]:
-        """See `Expectation`."""
         return self.signals_named()
 
     def judge(self, trace: Trace) -> list[Check]:
@@ -119,7 +124,8 @@ class always(Expectation):
         holds = np.broadcast_to(np.asarray(self.predicate(*columns), dtype=bool), looked_at.shape)
         broken = np.flatnonzero(looked_at & (holds if self.never else ~holds))
         if len(broken) == 0:
-            return [self.outcome(passed=True, observed=f"so at all {int(looked_at.sum())} samples")]
+            seen = f"so at all {int(looked_at.sum())} samples"
+            return [self.outcome(passed=True, observed=seen, sentence=f"{self.title}: {seen}")]
         return [self._broken(base, columns, int(broken[0]), f"{len(broken)} samples break it")]
 
     def _broken(self, base: Signal, columns: list[NDArray[np.float64]], index: int, text: str) -> Check:
@@ -131,12 +137,13 @@ class always(Expectation):
             observed=f"{values}; {text}, this is the first",
             time_s=float(base.time_s[index]),
             signal=self.signals[0],
+            sentence=f"{self.title}, but {values} at {instant_words(float(base.time_s[index]))} ({text})",
         )
 
 
 def _held(signal: Signal, base: Signal) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return `signal` at the sample times of `base`, each time the last value so far, and where there is
-    one.
+    """Return `signal` at the sample times of `base`, each time the last value
+    so far, and where there is one.
     """
     if len(signal) == 0:
         return np.full(len(base), np.nan), np.zeros(len(base), dtype=bool)
@@ -144,7 +151,7 @@ def _held(signal: Signal, base: Signal) -> tuple[NDArray[np.float64], NDArray[np
     return signal.values[np.maximum(index, 0)], index >= 0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class value_at(Expectation):
     """Expect `signal` at an instant to be `expected` within `tolerance`, in the unit of the signal.
 
@@ -162,6 +169,10 @@ class value_at(Expectation):
     def __post_init__(self) -> None:
         check_bound("value_at.tolerance", self.tolerance)
 
+    @override
+    def on(self, trace: Trace) -> Self:
+        return self._with(signal=signal_about(trace, self.signal, self.at))
+
     @property
     def title(self) -> str:
         """Name made from the content."""
@@ -172,12 +183,12 @@ class value_at(Expectation):
         """What is expected, in words."""
         return f"{self.expected:g} +- {self.tolerance:g}"
 
+    @override
     def signals_named(self) -> tuple[str, ...]:
-        """See `Expectation`."""
         return (self.signal,)
 
+    @override
     def levels_named(self) -> tuple[str, ...]:
-        """See `Expectation`."""
         return self.signals_named()
 
     def judge(self, trace: Trace) -> list[Check]:
@@ -195,11 +206,13 @@ class value_at(Expectation):
                 low=low,
                 high=high,
                 signal=self.signal,
+                sentence=f"{self.signal} was {quantity(value, signal.unit)} at {instant_words(self.at)}"
+                f"{allowed(limit_words(low, high, signal.unit))}",
             )
         ]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class stays_within(Expectation):
     """Expect `signal` within limits, in its unit, from `since` to `until`.
 
@@ -222,6 +235,10 @@ class stays_within(Expectation):
         if not (-math.inf if low is None else low) <= (math.inf if high is None else high):
             raise ConfigurationError("stays_within", (low, high), "numbers, low not above high")
 
+    @override
+    def on(self, trace: Trace) -> Self:
+        return self._with(signal=signal_about(trace, self.signal, self.since, self.until))
+
     @property
     def title(self) -> str:
         """Name made from the content."""
@@ -234,17 +251,17 @@ class stays_within(Expectation):
         high = "" if self.high is None else f"<= {self.high:g}"
         return f"{' and '.join(filter(None, (low, high)))} {words_of_span(self.since, self.until)}"
 
+    @override
     def signals_named(self) -> tuple[str, ...]:
-        """See `Expectation`."""
         return (self.signal,)
 
+    @override
     def levels_named(self) -> tuple[str, ...]:
-        """See `Expectation`."""
         return self.signals_named()
 
     def judge(self, trace: Trace) -> list[Check]:
-        """Evaluate on a trace; the measurement is the value that comes nearest to, or goes farthest over, a
-        limit.
+        """Evaluate on a trace; the measurement is the value that comes nearest to,
+        or goes farthest over, a limit.
         """
         since_s = instant(trace, self.since)
         part = trace[self.signal].between(since_s, end_of(trace, self.until))
@@ -267,13 +284,15 @@ class stays_within(Expectation):
                 low=self.low,
                 high=self.high,
                 signal=self.signal,
+                sentence=f"{self.signal} reached {quantity(value, part.unit)} at {instant_words(when)}"
+                f"{allowed(limit_words(self.low, self.high, part.unit))}",
             )
         ]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class word_sequence(Expectation):
-    """Expect a word to take these values one after the other, beginning with the one in force at `since`.
+    """Expect a word to take these values one after the other, beginning with the one in effect at `since`.
 
     Args:
         signal: Name of the signal.
@@ -301,6 +320,10 @@ class word_sequence(Expectation):
             raise ConfigurationError("word_sequence.words", self.words, "at least one word")
         object.__setattr__(self, "words", tuple(word & self.mask for word in self.words))
 
+    @override
+    def on(self, trace: Trace) -> Self:
+        return self._with(signal=signal_about(trace, self.signal, self.since, self.until))
+
     @property
     def title(self) -> str:
         """Name made from the content."""
@@ -312,12 +335,12 @@ class word_sequence(Expectation):
         extra = "" if self.exact else " (others in between allowed)"
         return f"{_chain(self.words)}{extra} from {words_of(self.since)}, mask 16#{self.mask:04X}"
 
+    @override
     def signals_named(self) -> tuple[str, ...]:
-        """See `Expectation`."""
         return (self.signal,)
 
     def judge(self, trace: Trace) -> list[Check]:
-        """Evaluate on a trace: the value in force at the reference is the first of the sequence."""
+        """Evaluate on a trace: the value in effect at the reference is the first of the sequence."""
         since_s, until_s = instant(trace, self.since), end_of(trace, self.until)
         times, numbers = word_samples(trace[self.signal], since_s, until_s)
         if len(numbers) == 0:
@@ -338,7 +361,13 @@ class word_sequence(Expectation):
             when = seen[-1][0]
         shown = words if len(words) <= 12 else words[:12]
         more = "" if len(words) <= 12 else f" ... ({len(words)} values)"
-        return [self.outcome(passed=good, observed=_chain(shown) + more, time_s=when, since_s=since_s)]
+        instead = "" if good else f" instead of {_chain(self.words)}"
+        sentence = f"{self.signal} went {_chain(shown)}{more}{instead} from {instant_words(self.since)} on"
+        return [
+            self.outcome(
+                passed=good, observed=_chain(shown) + more, time_s=when, since_s=since_s, sentence=sentence
+            )
+        ]
 
 
 def _chain(words: Sequence[int]) -> str:
@@ -360,17 +389,20 @@ def never(
 def stw1_sequence(
     words: Sequence[int],
     *,
-    axis: str = "axis1",
+    axis: str = "",
     since: Reference = 0.0,
     until: Reference | None = None,
     mask: int = STW1_MASK,
     exact: bool = True,
 ) -> word_sequence:
-    """Expect control word 1 of an axis to run through `words`, such as 16#047F, 16#047B, 16#0478, 16#047E."""
-    return word_sequence(f"{axis}.stw1", words, mask=mask, since=since, until=until, exact=exact)
+    """Expect control word 1 of an axis to run through `words`, such as 16#047F, 16#047B, 16#0478, 16#047E.
+
+    Without a name it is the axis that `since` is an event of, or the only one.
+    """
+    return word_sequence(of_axis(axis, "stw1"), words, mask=mask, since=since, until=until, exact=exact)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class status_word_bit(Expectation):
     """Expect bit `bit` (0..31) of a word of an axis to be `state` at an instant, or within a time after it.
 
@@ -379,7 +411,7 @@ class status_word_bit(Expectation):
         state: Expected value.
         at: Reference instant.
         within_s: Time for it to happen; 0 = at the instant itself.
-        axis: Name of the axis.
+        axis: Name of the axis; empty: the one that `at` is an event of, or the only one.
         word: Column: status_word, status_word2, error_word, warning_word, zsw1, ...
 
     Raises:
@@ -392,7 +424,7 @@ class status_word_bit(Expectation):
     _: KW_ONLY
     at: Reference
     within_s: float = 0.0
-    axis: str = "axis1"
+    axis: str = ""
     word: str = "status_word"
 
     def __post_init__(self) -> None:
@@ -400,10 +432,14 @@ class status_word_bit(Expectation):
             raise ConfigurationError("status_word_bit.bit", self.bit, "0..31")
         check_bound("status_word_bit.within_s", self.within_s)
 
+    @override
+    def on(self, trace: Trace) -> Self:
+        return self if self.axis else self._with(axis=axis_about(trace, "", self.at))
+
     @property
     def signal(self) -> str:
         """Name of the signal."""
-        return f"{self.axis}.{self.word}"
+        return of_axis(self.axis, self.word)
 
     @property
     def title(self) -> str:
@@ -416,18 +452,19 @@ class status_word_bit(Expectation):
         bound = f" within {self.within_s:g} s of" if self.within_s else " at"
         return f"{'TRUE' if self.state else 'FALSE'}{bound} {words_of(self.at)}"
 
+    @override
     def signals_named(self) -> tuple[str, ...]:
-        """See `Expectation`."""
         return (self.signal,)
 
-    def needed_until(self, trace: Trace) -> Reference:  # noqa: ARG002 - see `Expectation`
-        """See `Expectation`: what has come has come."""
+    @override
+    def needed_until(self, trace: Trace) -> Reference:
         return self.at
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
         since_s = instant(trace, self.at)
         signal = trace[self.signal]
+        wanted = "TRUE" if self.state else "FALSE"
         if not self.within_s:
             value_in_force(trace, self.signal, since_s)
         times, values = word_samples(signal, since_s, since_s + self.within_s)
@@ -435,11 +472,14 @@ class status_word_bit(Expectation):
         if len(good) == 0:
             observed = "no value" if len(values) == 0 else "FALSE" if self.state else "TRUE"
             bound_s = since_s + self.within_s
-            return [self.missing(trace, observed, bound_s, bound_s)]
+            moment = f"within {span(self.within_s)} after" if self.within_s else "at"
+            sentence = f"{self.title} was not {wanted} {moment} {instant_words(self.at)}"
+            return [self.missing(trace, observed, bound_s, bound_s, sentence=sentence)]
         when = float(times[good[0]])
-        observed = f"{'TRUE' if self.state else 'FALSE'} at {when:.6f} s"
+        observed = f"{wanted} at {when:.6f} s"
         if not self.within_s:
-            return [self.outcome(passed=True, observed=observed, time_s=when)]
+            sentence = f"{self.title} was {wanted} at {instant_words(self.at)}"
+            return [self.outcome(passed=True, observed=observed, time_s=when, sentence=sentence)]
         return [
             self.outcome(
                 passed=True,
@@ -449,5 +489,7 @@ class status_word_bit(Expectation):
                 unit="s",
                 low=0.0,
                 high=self.within_s,
+                sentence=f"{self.title} was {wanted} {after(self.at, when - since_s)}"
+                f"{allowed(span(self.within_s))}",
             )
         ]

@@ -1,14 +1,17 @@
-"""Expectation of a stop by its mode: the ramp is calculated from the limits of the axis and its motion in the
-trace.
+"""Expectation of a stop by its mode: the ramp is calculated from the limits of the
+axis and its motion in the trace.
 """
 
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
-from typing import Final
+from typing import Final, Self
+
+from typing_extensions import override
 
 from fieldbus.errors import ConfigurationError
-from hil.expect._base import Expectation, Reference, check_bound, instant, value_in_force, words_of
+from hil.expect._axis import axis_about
+from hil.expect._base import Expectation, Reference, check_bound, instant, of_axis, value_in_force, words_of
 from hil.expect._stops import ramp
 from hil.expect.golden import StopRamp, stop_ramp
 from hil.record import Trace
@@ -24,7 +27,7 @@ MODES: Final = {
 _REST: Final = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class stop(Expectation):
     """Expect a stop of the axis whose time and travel are those of its mode, from the velocity that the axis
     has in the trace.
@@ -34,7 +37,7 @@ class stop(Expectation):
         mode: `emergency` (StopMode 0, reaction 3, `MC_Stop` 0), `maximum` (StopMode 2, reaction 2,
             `MC_Stop` 2) or `default` (`MC_Halt`, reaction 1 with the default dynamics). For ramps of the
             drive see `ramp` with `made_by="drive"`.
-        axis: The axis.
+        axis: The axis; empty: the one that `since` is an event of, or the only one.
         until: End of the observation.
         time_tolerance_s: Default two cycles.
         distance_tolerance: Default two cycles at the start velocity.
@@ -47,7 +50,7 @@ class stop(Expectation):
     since: Reference
     mode: str
     _: KW_ONLY
-    axis: str = "axis1"
+    axis: str = ""
     until: Reference | None = None
     time_tolerance_s: float | None = None
     distance_tolerance: float | None = None
@@ -58,23 +61,27 @@ class stop(Expectation):
         check_bound("stop.time_tolerance_s", self.time_tolerance_s)
         check_bound("stop.distance_tolerance", self.distance_tolerance)
 
+    @override
+    def on(self, trace: Trace) -> Self:
+        return self._with(axis=axis_about(trace, self.axis, self.since, self.until))
+
     @property
     def title(self) -> str:
         """Name made from the content."""
-        return f"stop of {self.axis} with the {self.mode} ramp"
+        return f"stop of {self.axis or 'the axis'} with the {self.mode} ramp"
 
     @property
     def wanted(self) -> str:
         """What is expected, in words."""
-        return f"the {self.mode} ramp of {self.axis} after {words_of(self.since)}"
+        return f"the {self.mode} ramp of {self.axis or 'the axis'} after {words_of(self.since)}"
 
+    @override
     def signals_named(self) -> tuple[str, ...]:
-        """See `Expectation`."""
-        return tuple(f"{self.axis}.{name}" for name in ("velocity_setpoint", "position_setpoint"))
+        return tuple(of_axis(self.axis, name) for name in ("velocity_setpoint", "position_setpoint"))
 
     def judge(self, trace: Trace) -> list[Check]:
-        """Evaluate on a trace: time and travel by formula, from velocity and acceleration at the
-        reference.
+        """Evaluate on a trace: time and travel by formula, from velocity and
+        acceleration at the reference.
         """
         constants = [f"{self.axis}.{name}" for name in (*MODES[self.mode], "cycle_s") if name]
         missing = [name for name in constants if name not in trace.constants]
@@ -84,7 +91,7 @@ class stop(Expectation):
         expected, speed = self._ramp(trace, since_s)
         if speed <= _REST:
             observed = f"the axis does not move at {since_s:.6f} s: there is nothing to stop"
-            return [self.outcome(passed=False, observed=observed, time_s=since_s)]
+            return [self.outcome(passed=False, observed=observed, time_s=since_s, sentence=observed)]
         cycles_s = 2 * trace.constants[f"{self.axis}.cycle_s"]
         judged = ramp(
             self.since,

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
+from typing_extensions import override
 
 from fieldbus.errors import ConfigurationError
+from hil.expect._axis import axis_about
 from hil.expect._base import (
     SLACK_S,
     Expectation,
@@ -15,18 +17,21 @@ from hil.expect._base import (
     check_bound,
     end_of,
     instant,
+    of_axis,
     value_in_force,
     words_of,
 )
 from hil.expect._measure import measure_stop
+from hil.expect._wording import allowed, instant_words, size, span, spans
 from hil.expect.golden import StopRamp
-from hil.record import Trace
+from hil.record import Signal, Trace
 from reports.model import Check
+from reports.text import limit_words, quantity
 
 Maker = Literal["controller", "drive"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ramp(Expectation):
     """Expect a stop: its ramp time, travel, slope, and which side makes the ramp.
 
@@ -38,7 +43,8 @@ class ramp(Expectation):
     Args:
         since: The falling edge of the enable, the alarm, the job.
         expected: Ramp time and travel from `hil.expect.golden`; `time_s` and `distance` override it.
-        axis: Axis whose standard signals are measured.
+        axis: Axis whose standard signals are measured; empty: the one that `since` is an event of, or the
+            only one.
         made_by: `controller` or `drive`; distinguished by the speed output of the axis.
         velocity: Another signal that brakes.
         position: Another signal for the travel.
@@ -51,8 +57,8 @@ class ramp(Expectation):
         slope: Deceleration in the middle of the ramp, magnitude.
         slope_tolerance: Default 2 % of `slope`.
         delay_s: Latest begin of a ramp of the drive after the reference; default five cycles of 4 ms.
-        threshold: Magnitude that counts as rest; default 0.5 % of the start velocity, for setpoints a
-            millionth.
+        threshold: Magnitude that counts as rest; default 0.5 % of the start
+            velocity, for setpoints a millionth.
 
     Raises:
         ConfigurationError: A tolerance is negative, or there is no such maker.
@@ -62,7 +68,7 @@ class ramp(Expectation):
     since: Reference
     expected: StopRamp | None = None
     _: KW_ONLY
-    axis: str = "axis1"
+    axis: str = ""
     made_by: Maker | None = None
     velocity: str | None = None
     position: str | None = None
@@ -84,6 +90,13 @@ class ramp(Expectation):
         if self.made_by not in {None, "controller", "drive"}:
             raise ConfigurationError("ramp.made_by", self.made_by, "controller, drive")
 
+    @override
+    def on(self, trace: Trace) -> Self:
+        named = (self.velocity, self.position, self.setpoint)
+        if self.velocity and self.position and (self.setpoint or not self.made_by):
+            return self
+        return self._with(axis=axis_about(trace, self.axis, *named, self.since, self.until))
+
     @property
     def _on_setpoints(self) -> bool:
         return self.made_by == "controller" and self.velocity is None
@@ -93,14 +106,14 @@ class ramp(Expectation):
         """Name of the velocity signal that is measured."""
         if self.velocity:
             return self.velocity
-        return f"{self.axis}.{'velocity_setpoint' if self._on_setpoints else 'actual_velocity'}"
+        return of_axis(self.axis, "velocity_setpoint" if self._on_setpoints else "actual_velocity")
 
     @property
     def travelling(self) -> str:
         """Name of the position signal that is measured."""
         if self.position:
             return self.position
-        return f"{self.axis}.{'position_setpoint' if self._on_setpoints else 'actual_position'}"
+        return of_axis(self.axis, "position_setpoint" if self._on_setpoints else "actual_position")
 
     @property
     def title(self) -> str:
@@ -112,8 +125,8 @@ class ramp(Expectation):
         """What is expected, in words."""
         return f"standstill after {words_of(self.since)}"
 
+    @override
     def signals_named(self) -> tuple[str, ...]:
-        """See `Expectation`."""
         return (self.braking, self.travelling)
 
     def judge(self, trace: Trace) -> list[Check]:
@@ -143,7 +156,8 @@ class ramp(Expectation):
         if stop.end_s is None:
             last = trace[velocity].at(until_s)
             observed = f"still {last:g} {speed_unit} at the end of the observation"
-            return [self.outcome(passed=False, observed=observed, time_s=until_s)]
+            sentence = f"{velocity} did not come to rest after {instant_words(self.since)}: {observed}"
+            return [self.outcome(passed=False, observed=observed, time_s=until_s, sentence=sentence)]
         checks: list[Check] = []
 
         def limit(
@@ -152,6 +166,13 @@ class ramp(Expectation):
             good = value is not None and low - SLACK_S <= value <= high + SLACK_S
             observed = "could not be measured" if value is None else f"{value:.6g} {unit}"
             half = (high - low) / 2
+            subject = f"{self._subject(name)} after {instant_words(self.since)}"
+            sentence = f"{subject} could not be measured"
+            if value is not None and unit == "s":
+                limit = span(high) if name == "delay" else spans(low, high)
+                sentence = f"{subject} took {span(value)}{allowed(limit)}"
+            elif value is not None:
+                sentence = f"{subject} was {quantity(value, unit, 5)}{allowed(limit_words(low, high, unit))}"
             checks.append(
                 self.outcome(
                     passed=good,
@@ -164,6 +185,7 @@ class ramp(Expectation):
                     low=low,
                     high=high,
                     since_s=since_s,
+                    sentence=sentence,
                 )
             )
 
@@ -183,8 +205,8 @@ class ramp(Expectation):
             low, high = distance - self.distance_tolerance, distance + self.distance_tolerance
             limit("travel", stop.distance, low, high, unit=trace[position].unit)
         if self.slope is not None:
-            room = abs(self.slope) * 0.02 if self.slope_tolerance is None else self.slope_tolerance
-            low, high = self.slope - room, self.slope + room
+            margin = abs(self.slope) * 0.02 if self.slope_tolerance is None else self.slope_tolerance
+            low, high = self.slope - margin, self.slope + margin
             limit("slope", stop.mean_deceleration, low, high, unit=f"{speed_unit}/s")
         if self.made_by is not None:
             checks.append(
@@ -194,23 +216,41 @@ class ramp(Expectation):
                     expected=self.made_by,
                     name="ramp made by",
                     time_s=since_s,
+                    sentence=f"the {stop.made_by or 'neither side'} made the ramp of the stop after "
+                    f"{instant_words(self.since)}"
+                    f"{'' if stop.made_by == self.made_by else f', instead of the {self.made_by}'}",
                 )
             )
         if not checks:
             checks.append(
-                self.outcome(passed=True, observed=f"at rest at {stop.end_s:.6f} s", time_s=stop.end_s)
+                self.outcome(
+                    passed=True,
+                    observed=f"at rest at {stop.end_s:.6f} s",
+                    time_s=stop.end_s,
+                    sentence=f"{velocity} was at rest {span(stop.end_s - since_s)} after "
+                    f"{instant_words(self.since)}",
+                )
             )
         return checks
 
+    def _subject(self, quantity: str) -> str:
+        """Return what a measurement of this stop is called: the ramp of axis1, the travel of drive1."""
+        owner = self.braking.partition(".")[0]
+        return {
+            "delay": f"the begin of the ramp of {owner}",
+            "ramp time": f"the ramp of {owner}",
+            "travel": f"the travel of {owner}",
+            "slope": f"the deceleration of {owner}",
+        }[quantity]
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True)
 class standstill(Expectation):
-    """Expect |velocity| <= `tolerance` (in the unit of the signal) from `by` to `until` (default: the
-    end).
+    """Expect `|velocity|` <= `tolerance` (in the unit of the signal) from `by` to `until` (default: the end).
 
     Args:
         by: Begin of the observation.
-        axis: Axis whose actual velocity is judged.
+        axis: Axis whose actual velocity is judged; empty: the one that `by` is an event of, or the only one.
         velocity: Another signal.
         tolerance: Magnitude that counts as rest.
         until: End of the observation; None: the end of the trace.
@@ -222,7 +262,7 @@ class standstill(Expectation):
 
     _: KW_ONLY
     by: Reference
-    axis: str = "axis1"
+    axis: str = ""
     velocity: str | None = None
     tolerance: float = 1.0
     until: Reference | None = None
@@ -230,10 +270,16 @@ class standstill(Expectation):
     def __post_init__(self) -> None:
         check_bound("standstill.tolerance", self.tolerance)
 
+    @override
+    def on(self, trace: Trace) -> Self:
+        if self.velocity:
+            return self
+        return self._with(axis=axis_about(trace, self.axis, self.by, self.until))
+
     @property
     def signal(self) -> str:
         """Name of the signal that is judged."""
-        return self.velocity or f"{self.axis}.actual_velocity"
+        return self.velocity or of_axis(self.axis, "actual_velocity")
 
     @property
     def title(self) -> str:
@@ -245,8 +291,8 @@ class standstill(Expectation):
         """What is expected, in words."""
         return f"at most {self.tolerance:g} from {words_of(self.by)} on"
 
+    @override
     def signals_named(self) -> tuple[str, ...]:
-        """See `Expectation`."""
         return (self.signal,)
 
     def judge(self, trace: Trace) -> list[Check]:
@@ -270,20 +316,33 @@ class standstill(Expectation):
                 high=self.tolerance,
                 signal=self.signal,
                 since_s=by_s,
+                sentence=self._sentence(part, index, rests=len(moving) == 0),
             )
         ]
 
+    def _sentence(self, part: Signal, index: int, *, rests: bool) -> str:
+        """Return what came of it, with the sample nearest to the limit, or the first one beyond it."""
+        value, when = float(part.values[index]), float(part.time_s[index])
+        limit = allowed(size(self.tolerance, part.unit))
+        if rests:
+            return (
+                f"{self.signal} was at rest from {instant_words(self.by)} on: at most "
+                f"{size(abs(value), part.unit)}{limit}"
+            )
+        return f"{self.signal} was {size(value, part.unit)} at {instant_words(when)}{limit}"
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True)
 class no_motion_after(Expectation):
     """Expect that the position stays within `tolerance` (its unit) of where it is at `after`.
 
-    Judge the true position of the mechanics (`position="drive1.position"`) where the encoder is faulty
-    (STP-550).
+    Judge the true position of the mechanics (`position="drive1.position"`) where
+    the encoder is faulty (STP-550).
 
     Args:
         after: Reference instant.
-        axis: Axis whose actual position is judged.
+        axis: Axis whose actual position is judged; empty: the one that `after`
+            is an event of, or the only one.
         position: Another signal.
         tolerance: Greatest displacement.
         until: End of the observation; None: the end of the trace.
@@ -295,7 +354,7 @@ class no_motion_after(Expectation):
 
     after: Reference
     _: KW_ONLY
-    axis: str = "axis1"
+    axis: str = ""
     position: str | None = None
     tolerance: float = 0.05
     until: Reference | None = None
@@ -303,10 +362,16 @@ class no_motion_after(Expectation):
     def __post_init__(self) -> None:
         check_bound("no_motion_after.tolerance", self.tolerance)
 
+    @override
+    def on(self, trace: Trace) -> Self:
+        if self.position:
+            return self
+        return self._with(axis=axis_about(trace, self.axis, self.after, self.until))
+
     @property
     def signal(self) -> str:
         """Name of the signal that is judged."""
-        return self.position or f"{self.axis}.actual_position"
+        return self.position or of_axis(self.axis, "actual_position")
 
     @property
     def title(self) -> str:
@@ -318,8 +383,8 @@ class no_motion_after(Expectation):
         """What is expected, in words."""
         return f"at most {self.tolerance:g} of displacement after {words_of(self.after)}"
 
+    @override
     def signals_named(self) -> tuple[str, ...]:
-        """See `Expectation`."""
         return (self.signal,)
 
     def judge(self, trace: Trace) -> list[Check]:
@@ -343,5 +408,7 @@ class no_motion_after(Expectation):
                 low=-self.tolerance,
                 high=self.tolerance,
                 since_s=after_s,
+                sentence=f"{self.signal} moved by {size(abs(value), part.unit)} after "
+                f"{instant_words(self.after)}{allowed(size(self.tolerance, part.unit))}",
             )
         ]

@@ -39,8 +39,8 @@ def has_torque(statuswords: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 
 def normal_state(text: str) -> str:
-    """Return a state text in one spelling: `Operation enabled`, `OPERATION_ENABLED` become
-    `operation_enabled`.
+    """Return a state text in one spelling: `Operation enabled`,
+    `OPERATION_ENABLED` become `operation_enabled`.
     """
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", text.strip())
     return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
@@ -49,7 +49,7 @@ def normal_state(text: str) -> str:
 def word_samples(
     signal: Signal, since_s: float, until_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return times and words: the one in force at `since_s`, if any, then those up to `until_s`; what is no
+    """Return times and words: the one in effect at `since_s`, if any, then those up to `until_s`; what is no
     number is left out.
     """
     part = signal.between(since_s, until_s)

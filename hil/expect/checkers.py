@@ -27,6 +27,7 @@ from hil.expect._setpoint_rules import (
     check_position_continuity,
     check_stop_travel,
 )
+from hil.expect._wording import rule_sentence
 from hil.expect._words import cia402_state, normal_state
 from hil.record import Trace
 from reports.model import Check, Verdict
@@ -62,8 +63,8 @@ LEGAL_TRANSITIONS: Final[dict[str, frozenset[str]]] = {
     "fault_reaction_active": frozenset({"fault"}),
     "fault": frozenset({"switch_on_disabled"}),
 }
-"""Transitions 2 to 12, 14 to 16 of the power drive system; 0 and 13 are possible from everywhere
-(C402-001..C402-017).
+"""Transitions 2 to 12, 14 to 16 of the power drive system; 0 and 13 are possible
+from everywhere (C402-001..C402-017).
 """
 
 _WITHOUT_TORQUE: Final = frozenset(
@@ -264,8 +265,8 @@ def _until_zero(ramping: NDArray[np.bool_], setpoint: NDArray[np.float64]) -> ND
 def _error_spans(
     trace: Trace, axis: str, times: NDArray[np.float64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return where X1 must be TRUE (an alarm with a reaction is pending) and where it must be FALSE (none at
-    all).
+    """Return where X1 must be TRUE (an alarm with a reaction is pending) and where
+    it must be FALSE (none at all).
     """
     must, may = np.zeros(len(times), dtype=bool), np.zeros(len(times), dtype=bool)
     slack_s = 2 * float(np.median(np.diff(times))) if len(times) > 1 else 0.0
@@ -369,5 +370,8 @@ SEARCH_RULES: Final[tuple[Checker, ...]] = (check_rest_after_alarm, check_comes_
 
 
 def run_checkers(trace: Trace, checkers: Iterable[Checker] = ALWAYS_ON) -> list[Check]:
-    """Return the checks of all checkers, in order."""
-    return [check for checker in checkers for check in checker(trace)]
+    """Return the checks of all checkers, in order, each marked as a rule and with its sentence."""
+    checks = [check for checker in checkers for check in checker(trace)]
+    for check in checks:
+        check.rule, check.sentence = True, rule_sentence(check)
+    return checks

@@ -12,7 +12,7 @@ from typing import Final
 from fieldbus.errors import ConfigurationError
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class StopRamp:
     """A braking ramp to standstill."""
 
@@ -82,8 +82,8 @@ def stop_distance(velocity: float, deceleration: float, jerk: float | None = Non
 
 
 def drive_ramp(velocity: float, maximum_velocity: float, ramp_time_s: float) -> StopRamp:
-    """Return the ramp that a drive makes: `ramp_time_s` is the time from `maximum_velocity` to zero (OFF1,
-    OFF3).
+    """Return the ramp that a drive makes: `ramp_time_s` is the time from
+    `maximum_velocity` to zero (OFF1, OFF3).
     """
     if not (math.isfinite(maximum_velocity) and maximum_velocity > 0):
         raise ConfigurationError("drive_ramp.maximum_velocity", maximum_velocity, "a finite number > 0")
@@ -121,9 +121,13 @@ def switch_clearance(
     return velocity * delay_s + stop_ramp(velocity, deceleration).distance
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ReferenceAxis:
-    """The axis of the worked numbers: linear, lead screw 10 mm, position-controlled."""
+    """Limits and ramp times of an axis and its drive; by default those of the
+    worked numbers: linear, lead screw 10 mm, position-controlled.
+
+    `bench.golden("z")` returns those of an axis of one's own. Units: mm or degrees, and s.
+    """
 
     maximum_velocity: float = 500.0
     maximum_deceleration: float = 2000.0
@@ -133,6 +137,7 @@ class ReferenceAxis:
     default_deceleration: float = 1000.0
     default_jerk: float = 10_000.0
     lead_mm: float = 10.0
+    """Travel per revolution of the motor."""
     maximum_speed_rpm: float = 3000.0
     off1_time_s: float = 1.0
     """Time from the maximum speed to zero on the ramp-function generator."""
@@ -140,6 +145,12 @@ class ReferenceAxis:
     """Time from the maximum speed to zero at quick stop."""
     cycle_s: float = 0.004
     start_velocity: float = 300.0
+    """Velocity at which a ramp begins where none is given."""
+
+    @property
+    def drive_velocity(self) -> float:
+        """Velocity at the maximum speed of the drive, to which its ramp times refer."""
+        return self.maximum_speed_rpm * self.lead_mm / 60.0
 
     def emergency(self, velocity: float | None = None) -> StopRamp:
         """Emergency ramp: StopMode 0, reaction 3, `MC_Stop` mode 0 (STP-008)."""
@@ -151,17 +162,17 @@ class ReferenceAxis:
 
     def off3(self, velocity: float | None = None) -> StopRamp:
         """Quick stop of the drive: StopMode 1, reaction 4 with 16#5 or 16#7 (STP-010)."""
-        return drive_ramp(self._start(velocity), self.maximum_velocity, self.off3_time_s)
+        return drive_ramp(self._start(velocity), self.drive_velocity, self.off3_time_s)
 
     def off1(self, velocity: float | None = None) -> StopRamp:
         """Ramp-function generator of the drive: reaction 4 with 16#1 (STP-011)."""
-        return drive_ramp(self._start(velocity), self.maximum_velocity, self.off1_time_s)
+        return drive_ramp(self._start(velocity), self.drive_velocity, self.off1_time_s)
 
     def job(
         self, velocity: float | None = None, *, deceleration: float | None = None, jerk: float | None = None
     ) -> StopRamp:
-        """Values of a job, limited by the maximum values: reaction 1, `MC_Halt`, `MC_Stop` mode 3 (STP-012,
-        STP-013).
+        """Values of a job, limited by the maximum values: reaction 1, `MC_Halt`,
+        `MC_Stop` mode 3 (STP-012, STP-013).
         """
         return stop_ramp(
             self._start(velocity),
@@ -180,8 +191,8 @@ class ReferenceAxis:
         return 2 * self.cycle_s
 
     def distance_tolerance(self, velocity: float | None = None, *, following_error: float = 0.0) -> float:
-        """Allowed deviation of a travel: two cycles at the start velocity, plus the following error on actual
-        values.
+        """Allowed deviation of a travel: two cycles at the start velocity, plus the
+        following error on actual values.
         """
         return self._start(velocity) * 2 * self.cycle_s + abs(following_error)
 

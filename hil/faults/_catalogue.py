@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from typing import Final
 
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import UnknownNameError
 from hil.faults._kind import Family, FaultType
 from hil.faults.kinds import (
     axis,
@@ -45,13 +44,12 @@ def fault_type(name: str) -> FaultType:
     """Return the definition of a kind of fault.
 
     Raises:
-        ConfigurationError: No such kind; the message proposes near ones.
+        UnknownNameError: No such kind; the message proposes near ones.
 
     """
     entry = _BY_NAME.get(name)
     if entry is None:
-        near = difflib.get_close_matches(str(name), _BY_NAME, n=3)
-        raise ConfigurationError("fault.kind", name, ", ".join(near) if near else ", ".join(_BY_NAME))
+        raise UnknownNameError("fault.kind", name, "a kind of fault", _BY_NAME, listed_by="hil faults")
     return entry
 
 

@@ -13,11 +13,12 @@ from hil.faults._kind import FaultType
 from hil.faults._parameters import Scalar, Values
 from hil.faults._trigger import ONCE, Immediately, Trigger, as_trigger, trigger_from_dict
 from hil.record import EventSelector
+from reports.json_types import JsonObject
 
 _KEYS = ("kind", "target", "trigger", "until", "duration_s", "count", "parameters")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Fault:
     """A fault, checked against the definition of its kind when it is made.
 
@@ -104,9 +105,9 @@ class Fault:
         entry = self.entry
         return entry.lasting and (not entry.has("persistent") or self.values.flag("persistent"))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the fault as TOML/JSON values (no nulls); `from_dict` reads it back."""
-        result: dict[str, Any] = {"kind": self.kind}
+        result: JsonObject = {"kind": self.kind}
         if self.target:
             result["target"] = self.target
         trigger = as_trigger(self.trigger)

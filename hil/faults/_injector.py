@@ -1,17 +1,21 @@
-"""The injector: arms faults on a bench, watches their triggers, applies and removes them, and logs all of
-it.
+"""The injector: arms faults on a bench, watches their triggers, applies and
+removes them, and logs all of it.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from itertools import count
+from typing import Any, Final
+from weakref import WeakSet
 
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import HilError
+from hil.faults._axis import about_axis
 from hil.faults._fault import Fault
 from hil.faults._kind import Action, Injection
 from hil.faults._parameters import Scalar
 from hil.faults._trigger import Immediately, OnFrame, Trigger, as_trigger
+from hil.faults._waiting import why_not_fired
 from hil.faults._watch import Stop, check_names, watch
 from hil.protocols import Bench
 from hil.record import EventSelector
@@ -37,6 +41,8 @@ class ArmedFault:
         self._bench = injector.bench
         self._pending = False
         self._ends: list[Stop] = []
+        self._trigger: Trigger = as_trigger(fault.trigger)
+        """With the axis that it is about, once it is armed."""
         self._stop_trigger: Stop | None = None
         self._limit = fault.count if fault.count is not None and not fault.entry.counted else 1
         self._action = self._make_action()
@@ -59,10 +65,10 @@ class ArmedFault:
 
     def arm(self) -> None:
         """Begin to watch the trigger."""
-        trigger = as_trigger(self.fault.trigger)
+        trigger = self._trigger = self._about_axis(self.fault.trigger)
         if self.fault.until is not None:
-            check_names(self._bench, as_trigger(self.fault.until), "until")
-        self._emit("fault.armed", trigger=str(trigger), **self.fault.parameters)
+            check_names(self._bench, self._about_axis(self.fault.until), "until")
+        self._emit("fault.armed", trigger=str(self.fault.trigger), **self.fault.parameters)
         if self._action.apply_at_frame is not None and isinstance(trigger, OnFrame):
             # The n-th frame must itself be hit, so the hook of the fault counts.
             self._stop_trigger = self._action.apply_at_frame(trigger, self._apply)
@@ -72,6 +78,10 @@ class ArmedFault:
             stop()
         else:
             self._stop_trigger = stop
+
+    def _about_axis(self, trigger: Trigger | EventSelector) -> Trigger:
+        drive = self.fault.parameters.get("drive")
+        return about_axis(self._bench, as_trigger(trigger), self.target, str(drive or ""))
 
     def _fired(self) -> None:
         """Apply outside of the component that caused the trigger, at the same instant."""
@@ -119,7 +129,7 @@ class ArmedFault:
                 self._bench.scheduler.after(seconds_to_ns(self.fault.duration_s), self._end).cancel
             )
         if self.fault.until is not None:
-            until = as_trigger(self.fault.until)
+            until = self._about_axis(self.fault.until)
             stop = watch(self._bench, until, self._until, f"fault{self.number}.until")
             if self._has_ended():
                 stop()
@@ -174,18 +184,41 @@ class ArmedFault:
             self._emit("fault.disarmed")
 
     def note_waiting(self) -> None:
-        """Log that the fault waits for its trigger, if it does: it has never come, or fewer times than
-        wanted.
+        """Log that the fault waits for its trigger, if it does: it has never
+        come, or fewer times than wanted.
         """
         if not self.over and not self.active:
-            self._emit("fault.waiting", applications=self.applications, trigger=str(self.fault.trigger))
+            summary = self.waiting_summary()
+            reason = {"reason": summary} if summary else {}
+            self._emit(
+                "fault.waiting",
+                applications=self.applications,
+                trigger=str(self.fault.trigger),
+                **reason,
+            )
+
+    def waiting_summary(self) -> str:
+        """Return what came in place of the trigger, `velocity of x peaked at 0, asked 45 mm/s`; empty once it
+        has fired, or is not watched any more.
+        """
+        if self.over or self.active or self.applications or self._stop_trigger is None:
+            return ""
+        return why_not_fired(self._bench, self._trigger, self.armed_ns)
 
     def _emit(self, kind: str, **data: Scalar) -> None:
         self._bench.history.emit(self.target, kind, fault=self.fault.kind, injection=self.number, **data)
 
+    @property
+    def stands(self) -> str:
+        """`armed`, `active` or `over`."""
+        return "active" if self.active else "over" if self.over else "armed"
+
     def __repr__(self) -> str:
-        state = "active" if self.active else "over" if self.over else "armed"
-        return f"<ArmedFault {self.number} {self.fault} {state}>"
+        return f"<ArmedFault {self.number} {self.fault} {self.stands}>"
+
+
+_LIVING: Final[WeakSet[Injector]] = WeakSet()
+_NUMBERS: Final = count(1)
 
 
 class Injector:
@@ -200,6 +233,9 @@ class Injector:
         self.bench = bench
         self.armed: list[ArmedFault] = []
         """All faults armed so far, also those that are over."""
+        self.number = next(_NUMBERS)
+        """1, 2, ... in the order of making, over all benches."""
+        _LIVING.add(self)
 
     def arm(self, fault: Fault) -> ArmedFault:
         """Arm a fault.
@@ -241,6 +277,26 @@ class Injector:
                 parameters,
             )
         )
+
+    @staticmethod
+    def all_of(bench: Bench) -> list[Injector]:
+        """Return the injectors of a bench that are still in use, in the order in which they were made."""
+        return sorted((one for one in _LIVING if one.bench is bench), key=lambda one: one.number)
+
+    def waiting_summary(self) -> list[str]:
+        """Return a line for every fault whose trigger has not fired: `drive.fault on x_drive: armed, never
+        fired: velocity of x peaked at 0, asked 45 mm/s`.
+        """
+        summary = [(armed, armed.waiting_summary()) for armed in self.armed]
+        return [
+            f"{armed.fault.kind} on {armed.target}: armed, never fired: {reason}"
+            for armed, reason in summary
+            if reason
+        ]
+
+    def __repr__(self) -> str:
+        faults = ", ".join(f"{armed.fault.kind} on {armed.target} {armed.stands}" for armed in self.armed)
+        return f"<Injector of {faults or 'no fault'}>"
 
     def note_waiting(self) -> None:
         """Log every fault that waits for its trigger still, as at the end of a recording."""

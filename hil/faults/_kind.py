@@ -1,7 +1,7 @@
 """A kind of fault: one definition that says what it is called, what it takes, what it does, and how it ends.
 
-A kind is a `FaultType`. Its effect is a function, checked by mypy, on the protocol of a seam
-(`hil.faults.seams`):
+A kind is a `FaultType`. Its effect is a function, checked by mypy, on the protocol
+of a seam (`hil.faults.seams`):
 
     FaultType(
         "drive.sto",
@@ -24,7 +24,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, Literal, NoReturn, Protocol, TypeVar
 
 from fieldbus.clock import seconds_to_ns
-from fieldbus.errors import ConfigurationError, UnsupportedFaultError
+from fieldbus.errors import ConfigurationError, MissingValueError, UnsupportedFaultError
 from hil.faults._overrides import Override, OverrideStack, newest, shared
 from hil.faults._parameters import ENVIRONMENTS, Environment, Parameter, Scalar, Values
 from hil.faults.seams import (
@@ -48,7 +48,7 @@ Work = Callable[[], None]
 TargetKind = Literal["segment", "drive", "axis", "switch", "mechanics", "encoder", "station", "controller"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Action:
     """Applying a fault and ending it."""
 
@@ -72,7 +72,7 @@ class ReportHit(Protocol):
         """Log the hit with its number."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Injection:
     """One fault that is to be injected: what its effect needs to know."""
 
@@ -215,7 +215,7 @@ class Effect(Protocol):
         """
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Held(Generic[T]):
     """A state of a part that is held until the fault is removed; overlapping faults stack.
 
@@ -250,7 +250,7 @@ class Held(Generic[T]):
         return override_action(found.name, override)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Summed(Generic[T]):
     """A quantity at a part; those of overlapping faults add up, as forces do.
 
@@ -281,7 +281,7 @@ class Summed(Generic[T]):
         return override_action(found.name, override)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Once(Generic[T]):
     """Something that happens to a part and is over at once.
 
@@ -316,7 +316,7 @@ def toggled(
     )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SupplyCut:
     """The control supply of a part is off until the fault is removed."""
 
@@ -333,7 +333,7 @@ class SupplyCut:
         return override_action(found.name, override)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Custom:
     """An effect of its own.
 
@@ -385,7 +385,7 @@ def bouncing(
 # -- the definition of a kind ----------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FaultType:
     """The definition of a kind of fault."""
 
@@ -451,7 +451,7 @@ class FaultType:
             if parameter.name in values:
                 checked[parameter.name] = parameter.check(f"{self.name}.parameters", values[parameter.name])
             elif parameter.required:
-                raise ConfigurationError(f"{self.name}.parameters.{parameter.name}", None, parameter.allowed)
+                raise MissingValueError(f"{self.name}.parameters.{parameter.name}", parameter.allowed)
         if self.check_values is not None:
             self.check_values(self.name, self.values(checked))
         return checked
@@ -497,7 +497,7 @@ class FaultType:
         }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Family:
     """Kinds that stand together in the handbook."""
 

@@ -16,7 +16,7 @@ V = TypeVar("V", str, int, float, bool)
 ENVIRONMENTS: tuple[Environment, ...] = ("virtual", "live", "hardware")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Parameter:
     """One parameter of a fault type."""
 

@@ -11,13 +11,14 @@ from fieldbus.errors import ConfigurationError
 from hil.record import EventSelector
 from hil.record import event as select_event
 from hil.record._signal import DIRECTIONS, Direction
+from reports.json_types import JsonObject
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Immediately:
     """As soon as the fault is armed."""
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the trigger as TOML/JSON values."""
         return {"when": "immediately"}
 
@@ -25,7 +26,7 @@ class Immediately:
         return "immediately"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class AtTime:
     """At a time of the bench, or some time after arming."""
 
@@ -36,7 +37,7 @@ class AtTime:
         if not (math.isfinite(self.time_s) and self.time_s >= 0):
             raise ConfigurationError("trigger.time_s", self.time_s, "a number >= 0 s")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the trigger as TOML/JSON values."""
         return {"when": "after" if self.relative else "at", "time_s": self.time_s}
 
@@ -44,12 +45,12 @@ class AtTime:
         return f"{self.time_s:g} s after arming" if self.relative else f"at {self.time_s:g} s"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SignalCrossing:
     """When a recorded signal passes a value; evaluated once per application cycle."""
 
     signal: str
-    """`component.column`; without a component the default axis is meant."""
+    """`component.column`; without a component that of the axis that the fault is about, or the only one."""
     value: float
     direction: Direction = "any"
 
@@ -61,7 +62,7 @@ class SignalCrossing:
         if not self.signal:
             raise ConfigurationError("trigger.signal", self.signal, "component.column")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the trigger as TOML/JSON values."""
         return {"when": "signal", "signal": self.signal, "value": self.value, "direction": self.direction}
 
@@ -70,7 +71,7 @@ class SignalCrossing:
         return f"when {self.signal} {verb} {self.value:g}"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class InState:
     """When a component is in a state, at once if it already is."""
 
@@ -89,9 +90,9 @@ class InState:
         """Whether events of this kind report the state."""
         return kind == self.kind if self.kind else kind.endswith(".state")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the trigger as TOML/JSON values."""
-        result = {"when": "state", "component": self.component, "state": self.state}
+        result: JsonObject = {"when": "state", "component": self.component, "state": self.state}
         if self.kind:
             result["kind"] = self.kind
         return result
@@ -100,7 +101,7 @@ class InState:
         return f"when {self.component} is in state {self.state}"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class OnEvent:
     """At the n-th event of a kind after arming."""
 
@@ -114,10 +115,10 @@ class OnEvent:
         if self.selector.offset_s < 0:
             raise ConfigurationError("trigger.offset_s", self.selector.offset_s, "a number >= 0 s")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the trigger as TOML/JSON values."""
         selector = self.selector
-        result: dict[str, Any] = {"when": "event", "kind": selector.kind}
+        result: JsonObject = {"when": "event", "kind": selector.kind}
         if selector.source is not None:
             result["source"] = selector.source
         if selector.nth != 1:
@@ -132,7 +133,7 @@ class OnEvent:
         return f"at {self.selector}"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class OnFrame:
     """At the n-th frame after arming that fits: identifier under a mask, or message name, and the beginning
     of its data.
@@ -160,9 +161,9 @@ class OnFrame:
         if self.can_id is not None and not 0 <= self.can_id <= 0x1FFFFFFF:
             raise ConfigurationError("trigger.can_id", self.can_id, "0..1FFFFFFFh")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the trigger as TOML/JSON values."""
-        result: dict[str, Any] = {"when": "frame"}
+        result: JsonObject = {"when": "frame"}
         if self.can_id is not None:
             result["can_id"] = self.can_id
         texts = {"message": self.message, "drive": self.drive, "segment": self.segment, "data": self.data}
@@ -181,14 +182,14 @@ class OnFrame:
         return f"at frame {name}{mask}{owner}{data} number {self.number}"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class InCondition:
     """When a recorded signal comes to be as described, at once if it is already; looked at once per
     application cycle.
     """
 
     signal: str
-    """`component.column`; without a component the default axis is meant."""
+    """`component.column`; without a component that of the axis that the fault is about, or the only one."""
     low: float | None = None
     high: float | None = None
     ones: int = 0
@@ -216,9 +217,9 @@ class InCondition:
         word = int(value) if self.ones or self.zeros else 0
         return word & self.ones == self.ones and not word & self.zeros
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the trigger as TOML/JSON values."""
-        result: dict[str, Any] = {"when": "condition", "signal": self.signal}
+        result: JsonObject = {"when": "condition", "signal": self.signal}
         limits, masks = {"low": self.low, "high": self.high}, {"ones": self.ones, "zeros": self.zeros}
         result |= {key: limit for key, limit in limits.items() if limit is not None}
         return result | {key: mask for key, mask in masks.items() if mask}
@@ -231,7 +232,7 @@ class InCondition:
         return f"when {self.signal} {' and '.join(parts)}"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Every:
     """Again and again after arming."""
 
@@ -245,7 +246,7 @@ class Every:
         if self.first_s is not None and not (math.isfinite(self.first_s) and self.first_s >= 0):
             raise ConfigurationError("trigger.first_s", self.first_s, "a number >= 0 s")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the trigger as TOML/JSON values."""
         first = {} if self.first_s is None else {"first_s": self.first_s}
         return {"when": "every", "period_s": self.period_s, **first}
@@ -255,7 +256,7 @@ class Every:
         return f"every {self.period_s:g} s{begin}"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class InSequence:
     """When the last of several triggers fires, each of which is armed when the one before it has fired."""
 
@@ -274,7 +275,7 @@ class InSequence:
                     "trigger.triggers", str(part), "a trigger that something brings about"
                 )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the trigger as TOML/JSON values."""
         return {"when": "sequence", "triggers": [part.to_dict() for part in self.parts]}
 
@@ -282,7 +283,7 @@ class InSequence:
         return ", then ".join(map(str, self.parts))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class AnyOf:
     """Whenever one of several triggers fires."""
 
@@ -292,7 +293,7 @@ class AnyOf:
         if len(self.parts) < 2:
             raise ConfigurationError("trigger.triggers", self.parts, "two triggers or more")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the trigger as TOML/JSON values."""
         return {"when": "any", "triggers": [part.to_dict() for part in self.parts]}
 
@@ -300,7 +301,7 @@ class AnyOf:
         return " or ".join(map(str, self.parts))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ByChance:
     """With a probability whenever another trigger fires, drawn from the seeded stream of the fault."""
 
@@ -311,7 +312,7 @@ class ByChance:
         if not 0.0 < self.probability <= 1.0:
             raise ConfigurationError("trigger.probability", self.probability, "a number above 0, at most 1")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the trigger as TOML/JSON values."""
         return {"when": "chance", "trigger": self.part.to_dict(), "probability": self.probability}
 
@@ -440,8 +441,8 @@ def frame(
 def condition(
     signal: str, *, low: float | None = None, high: float | None = None, ones: int = 0, zeros: int = 0
 ) -> InCondition:
-    """When a recorded signal is within limits, or a word has bits set and cleared; at once if it is so
-    already.
+    """When a recorded signal is within limits, or a word has bits set and
+    cleared; at once if it is so already.
     """
     return InCondition(signal, low, high, ones, zeros)
 
@@ -454,8 +455,8 @@ def every(period_s: float, *, first_s: float | None = None) -> Every:
 def sequence(*triggers: TriggerOrSelector) -> InSequence:
     """When the last of `triggers` fires; each counts from when the one before it has fired.
 
-    `sequence(on_event("fault.removed", fault="drive.sto"), after(0.3))` is 0.3 s behind the end of another
-    fault.
+    `sequence(on_event("fault.removed", fault="drive.sto"), after(0.3))` is 0.3 s
+    behind the end of another fault.
     """
     return InSequence(tuple(as_trigger(one) for one in triggers))
 
@@ -471,8 +472,22 @@ def chance(trigger: TriggerOrSelector, probability: float) -> ByChance:
 
 
 def as_trigger(value: Trigger | EventSelector) -> Trigger:
-    """Accept an event selector where a trigger is wanted."""
-    return OnEvent(value) if isinstance(value, EventSelector) else value
+    """Accept an event selector where a trigger is wanted.
+
+    Raises:
+        ConfigurationError: It is neither.
+
+    """
+    if isinstance(value, EventSelector):
+        return OnEvent(value)
+    given: object = value
+    if not isinstance(given, Trigger):
+        raise ConfigurationError(
+            "trigger",
+            given,
+            "a trigger of hil.faults, such as at(0.5), after(0.5), velocity(45.0), or an event",
+        )
+    return value
 
 
 # -- the form in files -----------------------------------------------------------------------------------
@@ -500,7 +515,7 @@ _PARTS: Final = "live: as its parts"
 _YES: Final = "live: yes"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TriggerForm:
     """The form of a trigger in files, by its `when`."""
 

@@ -40,6 +40,7 @@ from hil.record import (
     check_selector,
     check_state,
     kind_matches,
+    similar_signals,
 )
 
 if TYPE_CHECKING:
@@ -190,11 +191,24 @@ def _watch_time(bench: Bench, trigger: AtTime, fire: Callable[[], None]) -> Stop
     return scheduler.at(due, fire).cancel
 
 
-def _watch_signal(bench: Bench, trigger: SignalCrossing, fire: Callable[[], None]) -> Stop:
-    name = trigger.signal if "." in trigger.signal else f"{bench.axis().name}.{trigger.signal}"
+def _signal(bench: Bench, signal: str) -> str:
+    """Return the name of a recorded signal; without a component that of the first axis.
+
+    Raises:
+        ConfigurationError: It is not recorded; the message names similar ones.
+
+    """
+    name = signal if "." in signal else f"{bench.axis().name}.{signal}"
     if not bench.recorder.has_signal(name):
-        raise ConfigurationError("trigger.signal", name, "a recorded signal of this bench")
-    read = bench.recorder.reader(name)
+        known = [f"{group.name}.{column}" for group in bench.recorder.groups for column, _ in group.columns]
+        raise ConfigurationError(
+            "trigger.signal", name, f"a recorded signal of this bench{similar_signals(name, known)}"
+        )
+    return name
+
+
+def _watch_signal(bench: Bench, trigger: SignalCrossing, fire: Callable[[], None]) -> Stop:
+    read = bench.recorder.reader(_signal(bench, trigger.signal))
     level = trigger.value
     rising = trigger.direction != "falling"
     falling = trigger.direction != "rising"
@@ -350,10 +364,7 @@ def _watch_chance(bench: Bench, trigger: ByChance, fire: Callable[[], None], str
 
 
 def _watch_condition(bench: Bench, trigger: InCondition, fire: Callable[[], None]) -> Stop:
-    name = trigger.signal if "." in trigger.signal else f"{bench.axis().name}.{trigger.signal}"
-    if not bench.recorder.has_signal(name):
-        raise ConfigurationError("trigger.signal", name, "a recorded signal of this bench")
-    read = bench.recorder.reader(name)
+    read = bench.recorder.reader(_signal(bench, trigger.signal))
     held = False
 
     def look() -> None:

@@ -1,5 +1,5 @@
-"""The page about faults in the handbook: `python -m hil.faults.handbook docs/faults.md` writes it from
-the definitions.
+"""The page about faults in the handbook: `python -m hil.faults.handbook docs/reference/faults.md` writes it
+from the definitions.
 
 The part above the line `MARK` is written by hand and kept; what follows is derived from the kinds.
 """
@@ -16,7 +16,9 @@ from hil.faults._kind import Family, FaultType
 from hil.faults._parameters import ENVIRONMENTS, Parameter
 from hil.faults.seams import members
 
-MARK: Final = "<!-- From here on the page is written by: python -m hil.faults.handbook docs/faults.md -->\n"
+MARK: Final = (
+    "<!-- From here on the page is written by: python -m hil.faults.handbook docs/reference/faults.md -->\n"
+)
 _ALL_IDENTIFIERS: Final = 0x1FFFFFFF
 _INTRODUCTION: Final = """
 ## The catalogue

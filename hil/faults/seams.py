@@ -844,7 +844,7 @@ class ExecutionLevels(Protocol):
         """Set the time that a call takes, ns."""
 
     def stall(self, stalled: bool) -> None:
-        """Call nothing any more, or go on."""
+        """Call nothing any more, or continue."""
 
 
 class ProgrammedController(Protocol):
@@ -998,6 +998,13 @@ class BenchWithAxes(Protocol):
     @property
     def axis_names(self) -> tuple[str, ...]:
         """Their names."""
+
+
+class BenchWithDrivesOfAxes(Protocol):
+    """A bench that knows which drive moves an axis."""
+
+    def drive_of(self, axis_name: str | None = None, /) -> str:
+        """Return the name of the drive of an axis."""
 
 
 class BenchWithVocabulary(Protocol):

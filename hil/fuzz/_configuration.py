@@ -9,17 +9,18 @@ from typing import Any, Final, NamedTuple
 
 from fieldbus.errors import ConfigurationError
 from hil.errors import CannotRunError
+from reports.json_types import JsonObject
 
 UNITS: Final = "units"
-"""The part that says in which units the axis counts; its values are codes of `Units.LengthUnit` and
-`.VelocityUnit`.
+"""The part that says in which units the axis counts; its values are codes of
+`Units.LengthUnit` and `.VelocityUnit`.
 """
 _UNIT_KEYS: Final = frozenset({"length", "velocity"})
 
 
 class UnitScale(NamedTuple):
-    """What the numbers of a program, which are in mm and s, are multiplied with for an axis that counts
-    otherwise.
+    """What the numbers of a program, which are in mm and s, are multiplied with for
+    an axis that counts otherwise.
     """
 
     length: float = 1.0
@@ -37,8 +38,8 @@ class UnitScale(NamedTuple):
 
     @classmethod
     def of_codes(cls, length: int, velocity: int) -> UnitScale:
-        """Return the scale for codes of `Units.LengthUnit` and `Units.VelocityUnit`; 1 where they are no
-        lengths.
+        """Return the scale for codes of `Units.LengthUnit` and
+        `Units.VelocityUnit`; 1 where they are no lengths.
 
         Raises:
             ConfigurationError: There is no such code.
@@ -55,8 +56,8 @@ class UnitScale(NamedTuple):
 
     @classmethod
     def of_axis(cls, axis: Any) -> UnitScale:
-        """Return the scale for an axis; 1 for one that has no unit of length, and for one that does not
-        tell.
+        """Return the scale for an axis; 1 for one that has no unit of length,
+        and for one that does not tell.
         """
         variables = getattr(axis, "variables", None)
         if variables is None or getattr(variables, "object_type", "SpeedAxis") == "SpeedAxis":
@@ -68,7 +69,7 @@ MILLIMETRES: Final = UnitScale()
 """The units of programs themselves."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Configuration:
     """What is laid over a bench file.
 
@@ -97,7 +98,7 @@ class Configuration:
         """Return the configuration without one of its parts."""
         return Configuration({key: part for key, part in self.parts.items() if key != name})
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """Return the configuration as JSON values."""
         return {name: dict(part) for name, part in self.parts.items()}
 
@@ -144,19 +145,19 @@ def _leaves(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any
             yield here, value
 
 
-def _in_units(bench_file: Any, length: int, velocity: int) -> dict[str, Any]:
-    """Return the variables of all axes with a position, as numbers in other units: the same machine, told
-    otherwise.
+def _in_units(bench_file: Any, length: int, velocity: int) -> JsonObject:
+    """Return the variables of all axes with a position, as numbers in other units: the
+    same machine, given otherwise.
     """
     from motion.s7.data._variables import elements, variables_of
 
     scale = UnitScale.of_codes(length, velocity)
     types = {"positioning": "PositioningAxis", "synchronous": "SynchronousAxis"}
-    tables: dict[str, Any] = {}
+    tables: JsonObject = {}
     for name, axis in bench_file.config.axis.items():
         if axis.type not in types:
             continue
-        values: dict[str, Any] = {"Units.LengthUnit": length, "Units.VelocityUnit": velocity}
+        values: JsonObject = {"Units.LengthUnit": length, "Units.VelocityUnit": velocity}
         for variable in variables_of(types[axis.type]):
             factor = scale.of(variable.unit)
             if variable.access == "RON" or factor == 1.0:

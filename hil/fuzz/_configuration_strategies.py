@@ -1,5 +1,5 @@
-"""Hypothesis strategies for configurations: what a bench file may say otherwise, and still be a machine that
-works.
+"""Hypothesis strategies for configurations: what a bench file may say otherwise, and
+still be a machine that works.
 """
 
 from __future__ import annotations
@@ -10,7 +10,9 @@ from typing import Any, Final
 from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy
 
+from hil.bench.axis_config import OBJECTS
 from hil.fuzz._configuration import UNITS, Configuration
+from motion.s7.variables import elements, variables_of
 
 Table = dict[str, Any]
 Part = SearchStrategy[Table]
@@ -26,8 +28,7 @@ _LENGTHS: Final = (
     (1018, 1070),
 )
 """Codes of units: mm and mm/min, mm and m/s, mm and mm/s with six decimals, m and m/s, m and m/min, µm and
-mm/s, in and in/s,
-ft and ft/min."""
+mm/s, in and in/s, ft and ft/min."""
 _MACHINES: Final = (
     {"load_mass_kg": 5.0},
     {"load_mass_kg": 100.0},
@@ -42,6 +43,8 @@ class _Tables:
     def __init__(self, config: Any) -> None:
         self.axis, section = next(iter(config.axis.items()))
         self.drive = section.drive
+        kind = OBJECTS[section.type]
+        self._paths = {path for variable in variables_of(kind) for path in elements(variable)}
 
     def on_bench(self, **values: Any) -> Table:
         return {"bench": values}
@@ -50,7 +53,9 @@ class _Tables:
         return {"drive": {self.drive: values}}
 
     def variables(self, values: Mapping[str, Any]) -> Table:
-        return {"axis": {self.axis: {"variables": dict(values)}}}
+        """Return the values that the type of the axis has: a speed axis has no lead and no encoder."""
+        own = {path: value for path, value in values.items() if path in self._paths}
+        return {"axis": {self.axis: {"variables": own}}}
 
     def on_axis(self, **values: Any) -> Table:
         return {"axis": {self.axis: values}}
@@ -211,7 +216,7 @@ def _profidrive(tables: _Tables, drive: Any, *, on_can: bool) -> dict[str, Part]
     parts["velocity"] = _variable(tables, "Sensor[1].ActualVelocityMode", 1)
     if on_can:
         # Over Modbus the transfer takes longer than an axis may need to come up, and a register map has no
-        # room for more words.
+        # space for more words.
         parts["transfer"] = st.just(tables.variables({"Actor.DataAdaption": 1, "Sensor[1].DataAdaption": 1}))
         parts["supplement"] = st.one_of(
             _one(own, "torque_telegram", True), _one(own, "safety_telegram", 700, 701)

@@ -14,7 +14,7 @@ from fieldbus.history import Event
 _OUTPUTS: Final = ("Done", "Error", "CommandAborted")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Violation:
     """A broken invariant or rule."""
 

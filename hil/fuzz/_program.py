@@ -11,6 +11,7 @@ from typing import Any, Final
 from fieldbus.errors import ConfigurationError
 from hil.faults import Fault, Parameter
 from hil.fuzz._configuration import MILLIMETRES, Configuration, UnitScale
+from reports.json_types import JsonObject
 
 _HOW: Final = (
     Parameter(
@@ -94,7 +95,7 @@ LONGEST_WAIT_S: Final = 60.0
 _CONFIGURATION: Final = "configuration"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Do:
     """Give an instruction."""
 
@@ -125,7 +126,7 @@ class Do:
         factor = scale.of(parameter.unit)
         return value if factor == 1.0 else value * factor
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """Return the step as JSON values."""
         return {"do": self.job, **self.parameters}
 
@@ -137,7 +138,7 @@ class Do:
         return f"{self.job} {details}".rstrip()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Wait:
     """Let bench time pass."""
 
@@ -147,7 +148,7 @@ class Wait:
         if not 0 <= self.seconds <= LONGEST_WAIT_S:
             raise ConfigurationError("step.wait", self.seconds, f"0..{LONGEST_WAIT_S:g} s")
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """Return the step as JSON values."""
         return {"wait": self.seconds}
 
@@ -155,13 +156,13 @@ class Wait:
         return f"wait {self.seconds:g} s"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Break:
     """Arm a fault."""
 
     fault: Fault
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """Return the step as JSON values."""
         return {"fault": self.fault.to_dict()}
 
@@ -193,7 +194,7 @@ def step_from_json(content: Any, where: str = "step") -> Step:
     raise ConfigurationError(where, dict(content), "an object with do, wait or fault")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Program:
     """A list of steps, and the configuration of the bench that they are done on."""
 
@@ -201,11 +202,11 @@ class Program:
     configuration: Configuration = field(default_factory=Configuration)
     """What is laid over the bench file first."""
 
-    def to_json(self) -> list[dict[str, Any]]:
-        """Return the program as JSON values: the configuration, if there is one, stands in front of the
-        steps.
-        """
-        head = [{_CONFIGURATION: self.configuration.to_json()}] if self.configuration else []
+    def to_json(self) -> list[JsonObject]:
+        """Return the program as JSON values: the configuration, if there is one, is in front of the steps."""
+        head: list[JsonObject] = (
+            [{_CONFIGURATION: self.configuration.to_json()}] if self.configuration else []
+        )
         return [*head, *(step.to_json() for step in self.steps)]
 
     @classmethod

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 MODULE: Final = "regressions.py"
 """The campaign in a folder of kept programs."""
-_CAMPAIGN: Final = '''"""Programs that a search has once found something with; `hil keep` puts further ones beside this file."""
+_CAMPAIGN: Final = '''"""Programs that a search has once found something with; `hil keep` puts further ones next to this file."""
 
 from pathlib import Path
 
@@ -33,7 +33,7 @@ def regressions(folder: Path, title: str = "regressions") -> Campaign:
     """Return a campaign with a case for each kept program of a folder.
 
     Each case runs its program with the seed that it was found with, and all invariants of a search have to
-    hold. The bench of a program that was found on a configuration of its own is a file beside it.
+    hold. The bench of a program that was found on a configuration of its own is a file next to it.
 
     Args:
         folder: Where `hil keep` has put them, as files with the ending `.json`.
@@ -46,7 +46,7 @@ def regressions(folder: Path, title: str = "regressions") -> Campaign:
     campaign = Campaign(title, tags=["regression"])
     for file in sorted(folder.glob("*.json")):
         content, program = _read(file)
-        beside = folder / content["bench"]
+        path = folder / content["bench"]
         campaign.add(
             Case(
                 identifier=f"{title}/{file.stem}",
@@ -54,7 +54,7 @@ def regressions(folder: Path, title: str = "regressions") -> Campaign:
                 group=title,
                 function=functools.partial(check_program, program=program),
                 tags=campaign.tags,
-                bench=str(beside) if beside.is_file() else content["bench"],
+                bench=str(path) if path.is_file() else content["bench"],
                 seed=content["seed"],
             )
         )
@@ -78,7 +78,7 @@ def _read(file: Path) -> tuple[dict[str, Any], Program]:
 def keep_program(token: Token, folder: Path, title: str) -> Path:
     """Write the program of a token into a folder, with the campaign that runs it, and return its file.
 
-    A configuration of the program becomes a bench file beside it: what the program was found on stays,
+    A configuration of the program becomes a bench file next to it: what the program was found on stays,
     whatever becomes of the bench that it was made of.
 
     Args:

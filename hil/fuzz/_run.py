@@ -38,7 +38,7 @@ class _BrokenError(Exception):
         self.violation = violation
 
 
-@dataclass(slots=True)
+@dataclass
 class FuzzOutcome:
     """What a program has shown."""
 
@@ -131,8 +131,8 @@ def run_program(
 ) -> FuzzOutcome:
     """Run a program on a fresh bench until an invariant breaks or it ends; then judge its trace by the rules.
 
-    An exception out of the product counts as a broken invariant too: nothing that a program can say may crash
-    it.
+    An exception out of the product counts as a broken invariant too: nothing that
+    a program can say may crash it.
 
     Args:
         program: What to do.
@@ -253,8 +253,8 @@ def _perform(step: Step, context: CaseContext, hands: _Hands, skipped: list[str]
 
 
 def _skip(step: Step, error: Exception, context: CaseContext, skipped: list[str]) -> None:
-    """Take note of a step that the bench cannot do: an instruction, or a word of a telegram, that is not
-    there.
+    """Take note of a step that the bench cannot do: an instruction, or a word of
+    a telegram, that is not there.
     """
     skipped.append(f"{step}: {error}")
     context.observe(f"skipped: {error}")

@@ -1,5 +1,5 @@
-"""The search: programs are generated, those that reach something new are built upon, a failing one is
-shrunk.
+"""The search: programs are generated, those that reach something new are built
+upon, a failing one is shrunk.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ PARENTS: Final = 200
 """Of so many programs, the latest that reached something new, further ones are made."""
 
 
-@dataclass(slots=True)
+@dataclass
 class FuzzReport:
     """What a search has found."""
 
@@ -60,7 +60,7 @@ class FuzzReport:
     """Programs, counted among `cases`, whose configuration the bench file has refused."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Round:
     """What a process is asked to do; plain data."""
 
@@ -75,7 +75,7 @@ class _Round:
     parents: tuple[Program, ...]
 
 
-@dataclass(slots=True)
+@dataclass
 class _Found:
     """What came out of a round; plain data."""
 
@@ -111,7 +111,7 @@ def search(
 ) -> FuzzReport:
     """Look for a program that breaks an invariant.
 
-    The search works in generations. Half of the programs of a generation are drawn anew, the others go on
+    The search works in generations. Half of the programs of a generation are new, the others continue
     from programs which reached situations (`situations_of`) that none before them had reached. The same
     arguments, `jobs` aside, give the same programs. Bench and product must be deterministic, which a failing
     program is tested for by running it once more.
@@ -123,8 +123,8 @@ def search(
         longest: Greatest number of steps after the preamble.
         configurations: Whether the programs change the bench file as well.
         bench: Reference of the bench, for the token and for other processes.
-        invariants: Makes the invariants for a bench; with `jobs` > 1 a function that other processes can
-            import.
+        invariants: Makes the invariants for a bench; with `jobs` > 1 a function
+            that other processes can import.
         jobs: Processes.
         parents: Programs to begin with; they are run first.
         on_new: Called with each program that has reached something new.

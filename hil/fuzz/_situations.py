@@ -1,5 +1,5 @@
-"""What a program has reached: situations of axis, drive, alarms and faults, as a measure of what a search has
-seen.
+"""What a program has reached: situations of axis, drive, alarms and faults, as a
+measure of what a search has seen.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Hypothesis strategies for fuzz programs. Numbers are drawn in coarse steps, so that a shrunk program reads
-well.
+"""Hypothesis strategies for fuzz programs. Numbers are drawn in coarse steps, so
+that a shrunk program reads well.
 """
 
 from __future__ import annotations
@@ -241,8 +241,8 @@ def descendants(
     longest: int,
     configurations: SearchStrategy[Configuration] | None = None,
 ) -> SearchStrategy[Program]:
-    """Return a strategy of programs that go on from others: cut, joined, with steps left out, put in or
-    repeated.
+    """Return a strategy of programs that continue from others: cut, joined, with
+    steps left out, put in or repeated.
 
     Args:
         parents: The others, at least one.

@@ -1,5 +1,5 @@
-"""Hypothesis strategies for faults of telegram words: OFF1 to OFF3 that nobody gave, bits that lie, silence,
-delay.
+"""Hypothesis strategies for faults of telegram words: OFF1 to OFF3 that nobody gave,
+bits that lie, silence, delay.
 """
 
 from __future__ import annotations

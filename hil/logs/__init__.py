@@ -1,5 +1,5 @@
-"""Recorded bus logs as traces: what a real machine has left behind, judged by the same expectations as a
-case.
+"""Recorded bus logs as traces: what a real machine has left behind, judged by
+the same expectations as a case.
 
 `read_bus_log` reads a file, `trace_of_log` decodes it with the object dictionaries, PDO mappings and
 telegrams of a bench.

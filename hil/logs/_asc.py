@@ -1,5 +1,5 @@
-"""Lines of a Vector ASC file as the reader of python-can takes them, whatever its header leaves out or
-says.
+"""Lines of a Vector ASC file as the reader of python-can takes them, whatever
+its header leaves out or says.
 """
 
 from __future__ import annotations

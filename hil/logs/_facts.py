@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from hil.bench.config import BenchConfig
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class AxisFacts:
     """How the process data of a drive become actual values of its axis."""
 
@@ -32,7 +32,7 @@ class AxisFacts:
     unit_per_rpm: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NodeFacts:
     """A node of the bench."""
 
@@ -49,7 +49,7 @@ class NodeFacts:
     enums: dict[str, dict[int, str]] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class BenchFacts:
     """Everything of a bench that a log is read by."""
 

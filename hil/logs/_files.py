@@ -1,5 +1,5 @@
-"""Reading bus logs that other tools have written: candump, ASC, BLF and whatever else python-can knows by its
-suffix.
+"""Reading bus logs that other tools have written: candump, ASC, BLF and whatever else
+python-can knows by its suffix.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Stamped = Iterator[tuple[int, str, CanFrame, str]]
 _ERROR_FRAME: Final = CanFrame(0)
 
 
-@dataclass(slots=True)
+@dataclass
 class BusLog:
     """A log file: frames by channel, in the order of the file."""
 
@@ -63,8 +63,8 @@ def read_bus_log(path: str | Path) -> BusLog:
     """Read a log of CAN frames, one after the other: a long one takes 21 bytes a frame.
 
     Raises:
-        CannotRunError: There is no such file, it is empty, cut off, no CAN log, or its timestamps go
-            backwards.
+        CannotRunError: There is no such file, it is empty, cut off, no CAN log,
+            or its timestamps go backwards.
 
     """
     path = Path(path)
@@ -99,8 +99,8 @@ def read_bus_log(path: str | Path) -> BusLog:
 
 
 def _origin(log: BusLog) -> int:
-    """Return the stamp that is time zero: that of a bench in logs of this product, else the first frame, or
-    0.
+    """Return the stamp that is time zero: that of a bench in logs of this
+    product, else the first frame, or 0.
     """
     first = min(frames.first_ns for frames in log.channels.values())
     if BENCH_EPOCH_NS <= first < BENCH_EPOCH_NS + _BENCH_DAYS_NS:
@@ -180,7 +180,7 @@ def _read_with_library(log: BusLog) -> Stamped:
     try:
         with _reader(log.path) as reader:
             # Of a BLF file, whose reader takes what is left for the whole.
-            told = getattr(reader, "file_size", 0)
+            stated = getattr(reader, "file_size", 0)
             for message in reader:
                 if message.is_fd:
                     log.left_out += 1
@@ -208,9 +208,9 @@ def _read_with_library(log: BusLog) -> Stamped:
             f"Logs are {FORMATS}"
         ) from error
     there = log.path.stat().st_size
-    if isinstance(told, int) and told > there:
+    if isinstance(stated, int) and stated > there:
         raise CannotRunError(
-            f"{log.path} cannot be read as a CAN log: it says that it has {told} bytes and has {there}: it "
+            f"{log.path} cannot be read as a CAN log: it says that it has {stated} bytes and has {there}: it "
             f"is cut off"
         )
 

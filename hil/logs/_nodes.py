@@ -1,11 +1,13 @@
-"""Nodes of a bench as a log shows them: process data become signals, changes of state and faults become
-events.
+"""Nodes of a bench as a log shows them: process data become signals, changes of
+state and faults become events.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any, Final
+
+from typing_extensions import override
 
 from fieldbus.canopen.nmt import NmtState
 from fieldbus.cia402 import decode_state, emcy_text
@@ -57,7 +59,7 @@ class LogNode:
         self._silence_ns = facts.consumer_heartbeat_ns or _SILENCE_NS
         self._begun_ns = 0
         self._pdos: dict[int, Pdo] = {}
-        self._told = False
+        self._showed_profile = False
         """Whether a drive has sent its state or values."""
         self._led: bool | None = None
         """Whether process data come; None before the first."""
@@ -102,8 +104,8 @@ class LogNode:
                 self._emit(to_ns, name, "log.heard", values=values)
 
     def excuse(self, from_ns: int, to_ns: int, reason: str) -> None:
-        """Tell of a time in which the node may have sent what was not recorded: no heartbeat was lost
-        then.
+        """Tell of a time in which the node may have sent what was not
+        recorded: no heartbeat was lost then.
         """
         self.unknown(from_ns, to_ns, reason)
         self._heard_ns = to_ns
@@ -113,7 +115,7 @@ class LogNode:
     @property
     def speechless(self) -> bool:
         """Whether a drive has sent no process data."""
-        return self.facts.profile in ("cia402", "profidrive") and not self._told
+        return self.facts.profile in ("cia402", "profidrive") and not self._showed_profile
 
     def _names(self) -> tuple[str, ...]:
         axis = self.facts.axis
@@ -165,8 +167,8 @@ class LogNode:
         self.table.row(time_ns)
 
     def silence(self, time_ns: int) -> None:
-        """Tell of a heartbeat that did not come within the time of the bench file, as the controller would
-        have.
+        """Tell of a heartbeat that did not come within the time of the bench
+        file, as the controller would have.
         """
         limit, last = self.facts.consumer_heartbeat_ns, self._heartbeat_ns
         if limit and last is not None and time_ns - last > limit:
@@ -204,8 +206,8 @@ class LogNode:
         sync_ns: int | None,
         sent: bool,
     ) -> None:
-        """Take a PDO; `sent`: by the node itself. Objects without a meaning known here are columns of their
-        number.
+        """Take a PDO; `sent`: by the node itself. Objects without a meaning known
+        here are columns of their number.
         """
         self._takes_part(time_ns, can_id, sync_ns, sent=sent)
         for key, value in values:
@@ -236,13 +238,15 @@ class Cia402Node(LogNode):
             None if axis is None or self.axis is None else Motion(self.axis, axis.increment, axis.unit)
         )
 
+    @override
     def process_data(
         self, time_ns: int, values: list[tuple[int, int]], can_id: int, *, sync_ns: int | None, sent: bool
     ) -> None:
-        """See `LogNode.process_data`."""
         self._takes_part(time_ns, can_id, sync_ns, sent=sent)
         table, axis = self.table, self.axis
-        self._told = self._told or (sent and any(key >> 16 >= _PROFILE for key, _ in values))
+        self._showed_profile = self._showed_profile or (
+            sent and any(key >> 16 >= _PROFILE for key, _ in values)
+        )
         for key, value in values:
             match key:
                 case 0x606400:
@@ -289,9 +293,9 @@ class Cia402Node(LogNode):
         if tripped:
             # The EMCY goes out when the drive trips, the status word with the next SYNC.
             last_ns = max(time_ns - _EMCY_NS, 0) if self._status_ns > self._emcy_ns else self._status_ns
-            told = self._emcy != 0 and self._emcy_ns > last_ns
-            self._tripped = self._emcy if told else 0
-            when = self._emcy_ns if told else time_ns
+            reported = self._emcy != 0 and self._emcy_ns > last_ns
+            self._tripped = self._emcy if reported else 0
+            when = self._emcy_ns if reported else time_ns
             self._emit(when, name, "drive.fault", code=self._tripped, text=emcy_text(self._tripped))
         elif before == "Fault":
             self._emit(time_ns, name, "drive.fault_cleared", codes=f"{self._tripped:04X}h")
@@ -305,7 +309,7 @@ _FAULT, _NO_OFF3, _PULSES = 0x0008, 0x0020, 0x0400
 
 
 class ProfidriveNode(LogNode):
-    """A PROFIdrive axis whose telegram stands in words on PDOs."""
+    """A PROFIdrive axis whose telegram is in words on PDOs."""
 
     def __init__(self, facts: NodeFacts, emit: Emit) -> None:
         super().__init__(facts, emit)
@@ -321,10 +325,10 @@ class ProfidriveNode(LogNode):
             None if axis is None or self.axis is None else Motion(self.axis, axis.increment, axis.unit)
         )
 
+    @override
     def process_data(
         self, time_ns: int, values: list[tuple[int, int]], can_id: int, *, sync_ns: int | None, sent: bool
     ) -> None:
-        """See `LogNode.process_data`; a telegram is taken when its last word has come."""
         self._takes_part(time_ns, can_id, sync_ns, sent=sent)
         whole = False
         for key, value in values:
@@ -341,7 +345,7 @@ class ProfidriveNode(LogNode):
                 self.table.set("fault_number", value)
             elif key == _STATUS_WARNING:
                 self.table.set("warning_number", value)
-        self._told = self._told or (whole and sent)
+        self._showed_profile = self._showed_profile or (whole and sent)
         if whole and sent:
             self._take_actual(time_ns, self._actual.decode(bytes(self._back)), sync_ns)
         elif whole:
@@ -397,8 +401,8 @@ class ProfidriveNode(LogNode):
         self._fault = fault
 
     def _state_text(self, zsw1: int, zsw2: int | None) -> str:
-        """Return the state; ZSW1 alone does not tell S3 from the stops of S5, in which there are still
-        pulses.
+        """Return the state; ZSW1 alone does not tell S3 from the stops of S5,
+        in which there are still pulses.
         """
         bits = zsw1 & 0x47
         if bits == 0x03:

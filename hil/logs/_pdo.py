@@ -1,6 +1,4 @@
-"""What process data show over time: whether they come with every SYNC, and the motion that positions
-make.
-"""
+"""What process data show over time: whether they come with every SYNC, and the motion that positions make."""
 
 from __future__ import annotations
 
@@ -17,8 +15,6 @@ _MISSED: Final = 10
 
 class Pdo:
     """Process data that come with every SYNC, or do not."""
-
-    __slots__ = ("_period_ns", "_regular", "_sync_ns", "time_ns")
 
     def __init__(self) -> None:
         self.time_ns = 0

@@ -39,8 +39,8 @@ class Table:
         return None if at is None else self._now[at]
 
     def row(self, time_ns: int) -> None:
-        """Keep the present values under a time; a second row of the same instant takes the place of the
-        first.
+        """Keep the present values under a time; a second row of the same
+        instant takes the place of the first.
         """
         if not self._now:
             return

@@ -1,4 +1,4 @@
-"""From a log to a trace: frames are decoded by the mapping in force, which writes of SDOs in the log itself
+"""From a log to a trace: frames are decoded by the mapping in effect, which writes of SDOs in the log itself
 may change.
 """
 
@@ -43,7 +43,7 @@ _FROM_NODES: Final = (0x180, 0x280, 0x380, 0x480, COB_SDO_SERVER, COB_ERROR_CONT
 """Services whose frames come from nodes."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class LogTrace:
     """A decoded log."""
 
@@ -90,9 +90,9 @@ def trace_of_log(log: BusLog, bench_file: Any, *, channels: Mapping[str, str] | 
             notes.append(f"on {channel}, not in the bench file: {listed}")
     silent = [node.facts for node in reading.nodes if not node.seen and node.facts.segment in pairs]
     if len(silent) == sum(node.facts.segment in pairs for node in reading.nodes):
-        told = ", ".join(f"{one.name} (node {one.node_id})" for one in silent)
+        silent_names = ", ".join(f"{one.name} (node {one.node_id})" for one in silent)
         raise CannotRunError(
-            f"{log.path}: none of the nodes of bench {facts.name!r} sends in this log: {told}; "
+            f"{log.path}: none of the nodes of bench {facts.name!r} sends in this log: {silent_names}; "
             f"{notes[-1] if notes else 'there is no other either'}"
         )
     notes += reading.notes
@@ -179,8 +179,8 @@ class _Bus:
         self._pause: tuple[int, int] | None = None
 
     def sync(self, time_ns: int) -> None:
-        """Take a SYNC: where it ran before a pause and runs on behind it, the bus was not silent, but not
-        recorded.
+        """Take a SYNC: where it ran before a pause and runs on behind it, the bus
+        was not silent, but not recorded.
         """
         before = self.sync_ns
         if self._pause is not None and before is not None:

@@ -14,7 +14,7 @@ Objection = Callable[[Mapping[str, str]], str]
 """Returns why a combination, or what is known of it so far, is left out; empty: it is not."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Combined:
     """What came of the factors."""
 
@@ -39,7 +39,7 @@ def combine(
         objection: What speaks against a combination.
         strength: Every so many values of different factors, where nothing speaks against them, are
             together in at least one combination; None: all combinations.
-        most: Stop with the first combination beyond so many; None: go on to the end.
+        most: Stop with the first combination beyond so many; None: continue to the end.
 
     """
     names = list(factors)

@@ -38,7 +38,7 @@ _BENCH_KEYS: Final = ("drive", "transport", "file")
 REDUCTIONS: Final = '"full", "pairwise" or a whole number N >= 1 for N-wise'
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Exclusion:
     """Combinations that are left out: those with one of the values for every factor here."""
 
@@ -50,7 +50,7 @@ class Exclusion:
         return all(values.get(name) in wanted for name, wanted in self.values.items())
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NamedCase:
     """A combination that is run whatever the reduction says."""
 
@@ -61,7 +61,7 @@ class NamedCase:
     requirements: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class MatrixFile:
     """A matrix file as read."""
 
@@ -107,7 +107,7 @@ class _Reader:
     def __init__(self, path: Path) -> None:
         self._path = path
 
-    def read(self, content: Mapping[str, Any]) -> MatrixFile:
+    def read(self, content: Mapping[str, object]) -> MatrixFile:
         self._only("", content, _KEYS)
         title = content.get("title")
         if not isinstance(title, str) or not slug(title):
@@ -137,28 +137,28 @@ class _Reader:
     def _wrong(self, key: str, value: object, allowed: str) -> ConfigurationError:
         return ConfigurationError(f"{self._path}: {key}", value, allowed)
 
-    def _only(self, key: str, table: Mapping[str, Any], allowed: Sequence[str]) -> None:
+    def _only(self, key: str, table: Mapping[str, object], allowed: Sequence[str]) -> None:
         for name in table:
             if name not in allowed:
                 raise self._wrong(f"{key}.{name}".lstrip("."), table[name], f"only {_close(name, allowed)}")
 
-    def _tables(self, key: str, value: Any) -> list[tuple[str, Mapping[str, Any]]]:
+    def _tables(self, key: str, value: object) -> list[tuple[str, Mapping[str, object]]]:
         if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value):
             raise self._wrong(key, value, f"tables [[{key}]]")
         return [(f"{key}[{number}]", entry) for number, entry in enumerate(value, start=1)]
 
-    def _texts(self, key: str, value: Any) -> tuple[str, ...]:
+    def _texts(self, key: str, value: object) -> tuple[str, ...]:
         if not isinstance(value, list) or not all(isinstance(entry, str) and entry for entry in value):
             raise self._wrong(key, value, "a list of texts")
         return tuple(value)
 
-    def _seconds(self, content: Mapping[str, Any], key: str, default: float) -> float:
+    def _seconds(self, content: Mapping[str, object], key: str, default: float) -> float:
         value = content.get(key, default)
         if not isinstance(value, int | float) or isinstance(value, bool) or not value > 0:
             raise self._wrong(key, value, "a number > 0 s")
         return float(value)
 
-    def _strength(self, value: Any) -> int | None:
+    def _strength(self, value: object) -> int | None:
         if value == "full":
             return None
         if value == "pairwise":
@@ -167,7 +167,7 @@ class _Reader:
             raise self._wrong("reduction", value, REDUCTIONS)
         return value
 
-    def _vocabulary(self, reference: Any) -> Vocabulary:
+    def _vocabulary(self, reference: object) -> Vocabulary:
         module, separator, name = str(reference).partition(":")
         if not separator:
             raise self._wrong("vocabulary", reference, "module:NAME")
@@ -179,7 +179,7 @@ class _Reader:
             raise self._wrong("vocabulary", reference, "an object with the members of hil.matrix.Vocabulary")
         return found
 
-    def _factors(self, value: Any, vocabulary: Vocabulary) -> dict[str, tuple[str, ...]]:
+    def _factors(self, value: object, vocabulary: Vocabulary) -> dict[str, tuple[str, ...]]:
         if not isinstance(value, dict) or not value:
             raise self._wrong(
                 "factors", value, f"a table with factors: {', '.join([BENCH, *vocabulary.factors])}"
@@ -216,7 +216,7 @@ class _Reader:
         if len(by_parts) == 1:
             raise self._wrong("factors", ", ".join(factors), "drive and transport together")
 
-    def _values(self, key: str, value: Any, allowed: Mapping[str, str]) -> tuple[str, ...]:
+    def _values(self, key: str, value: object, allowed: Mapping[str, str]) -> tuple[str, ...]:
         """Return the values that a list names, with its patterns (`*`, `?`, `[...]`) filled in."""
         found: list[str] = []
         texts = self._texts(key, [value] if isinstance(value, str) else value)
@@ -235,21 +235,24 @@ class _Reader:
 
     def _bench(self, text: str) -> str:
         """Return the reference of a bench; the path of a file counts from the matrix file."""
-        beside = self._path.parent / text
-        return str(beside) if text.endswith(".toml") and beside.exists() else text
+        path = self._path.parent / text
+        return str(path) if text.endswith(".toml") and path.exists() else text
 
-    def _benches(self, tables: list[tuple[str, Mapping[str, Any]]]) -> dict[tuple[str, str], str]:
+    def _benches(self, tables: list[tuple[str, Mapping[str, object]]]) -> dict[tuple[str, str], str]:
         found: dict[tuple[str, str], str] = {}
         for key, table in tables:
             self._only(key, table, _BENCH_KEYS)
+            texts: dict[str, str] = {}
             for name in _BENCH_KEYS:
-                if not isinstance(table.get(name), str) or not table[name]:
-                    raise self._wrong(f"{key}.{name}", table.get(name), "a text")
-            found[table["drive"], table["transport"]] = self._bench(table["file"])
+                text = table.get(name)
+                if not isinstance(text, str) or not text:
+                    raise self._wrong(f"{key}.{name}", text, "a text")
+                texts[name] = text
+            found[texts["drive"], texts["transport"]] = self._bench(texts["file"])
         return found
 
     def _exclusion(
-        self, key: str, table: Mapping[str, Any], factors: Mapping[str, Sequence[str]]
+        self, key: str, table: Mapping[str, object], factors: Mapping[str, Sequence[str]]
     ) -> Exclusion:
         self._only(key, table, [*factors, "reason"])
         reason = table.get("reason")
@@ -260,8 +263,10 @@ class _Reader:
             if name == "reason":
                 continue
             allowed = factors[name]
-            if name == BENCH:
-                words = [self._bench(word) for word in ([words] if isinstance(words, str) else words)]  # noqa: PLW2901
+            if name == BENCH and isinstance(words, str):
+                words = [words]  # noqa: PLW2901
+            if name == BENCH and isinstance(words, Sequence):
+                words = [self._bench(word) for word in words]  # noqa: PLW2901
             values[name] = frozenset(self._values(f"{key}.{name}", words, dict.fromkeys(allowed, "")))
         if not values:
             raise self._wrong(key, dict(table), f"at least one of {', '.join(factors)}")
@@ -269,7 +274,7 @@ class _Reader:
 
     def _cases(
         self,
-        tables: list[tuple[str, Mapping[str, Any]]],
+        tables: list[tuple[str, Mapping[str, object]]],
         factors: Mapping[str, Sequence[str]],
         vocabulary: Vocabulary,
     ) -> tuple[NamedCase, ...]:

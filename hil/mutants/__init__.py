@@ -1,7 +1,7 @@
 """Defect seeding: plausible defects of drive, mechanics, bus and controller, switched on one at a time, to be
 caught by campaigns.
 
-A defect is data (`Mutant`): a place in the product, what stands there, what stands there instead. `Seeder`
+A defect is data (`Mutant`): a place in the product, the present text and the text that replaces it. `Seeder`
 runs the campaigns without any defect first, and then each defect in a process of its own until a case is red.
 A defect that no case notices points at a missing expectation.
 """

@@ -85,7 +85,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "autonomous-motion-unnoticed",
-        "A drive that brakes by itself is taken for one that obeys",
+        "The axis takes braking by the drive itself for a commanded stop",
         f"{_ENABLING}.supervise",
         "if state is not AxisState.TRACKING:\n                    alarms.raise_alarm(ALARM_AUTONOMOUS)",
         "if state is AxisState.TRACKING:\n                    alarms.raise_alarm(ALARM_AUTONOMOUS)",
@@ -131,7 +131,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "jobs-run-on-under-alarm",
-        "A motion job stays busy under an alarm",
+        "A motion job stays busy during an alarm",
         f"{_REACTIONS}._stop",
         "motion.begin_reaction(reaction)\n            motion.fail_all()",
         "motion.begin_reaction(reaction)",
@@ -176,7 +176,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "cause-not-raised-again",
-        "An alarm whose cause lasts stays away after the acknowledgement",
+        "An alarm whose cause lasts does not return after the acknowledgement",
         f"{_ENGINE}._clear",
         "self._waiting = bool(self._causes)",
         "self._waiting = False",
@@ -305,7 +305,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "velocity-after-gap",
-        "The distance of a gap counts as the velocity of one cycle",
+        "The distance covered during a gap counts as the velocity of one cycle",
         f"{_FEEDBACK}.update",
         "self.state = VALID\n            self.velocity = 0.0",
         "self.state = VALID\n            self.velocity = delta * self._increment * self._rate",
@@ -356,7 +356,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "self.drive_fault_code = 0",
         ids=("STP-559",),
         likely=("drive-faults/trip/motor-hot/*@reference",),
-        explained="the new code comes twice before the status word with the fault bit: in the EMCY, and in "
+        explained="the new code arrives twice before the status word with the fault bit: in the EMCY, and in "
         "TPDO3 with 603Fh",
     ),
 )

@@ -44,7 +44,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "heartbeat-loss-tolerated",
-        "A heartbeat of the drive that stays away is forgiven tenfold",
+        "A missing heartbeat of the drive is tolerated ten times as long",
         f"{_SUPERVISION}._due",
         "due = self._last_ns + self._timeout_ns",
         "due = self._last_ns + 10 * self._timeout_ns",
@@ -53,7 +53,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "rpdo-latched-again",
-        "A synchronous RPDO is made effective at every SYNC, also when no new one has come",
+        "A synchronous RPDO takes effect at every SYNC, even without a new one",
         "fieldbus.canopen.pdo_engine:PdoEngine.latch",
         "pdo.pending = None\n",
         "pdo.pending = data\n",

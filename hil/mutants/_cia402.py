@@ -137,7 +137,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "sync-loss-unnoticed",
-        "Lost SYNC counts in the modes that are not cyclic only",
+        "Loss of SYNC counts only in modes that are not cyclic",
         f"{_REACTIONS}.sync_lost",
         "if not self._function.mode.cyclic or",
         "if self._function.mode.cyclic or",

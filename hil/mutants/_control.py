@@ -166,7 +166,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "following-error-by-actual-velocity",
-        "The permitted following error is that of the actual velocity, which a blocked axis has not",
+        "The permitted following error depends on the actual velocity, which is zero on a blocked axis",
         f"{_MONITORING}._watch_following_error",
         "permitted = self.permitted_following_error(servo.total.v)",
         "permitted = self.permitted_following_error(axis.feedback.velocity)",
@@ -220,7 +220,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "standstill-time-not-reset",
-        "What is left of the dwell time of standstill counts on after a movement",
+        "The dwell time of standstill continues after a movement instead of starting again",
         f"{_MONITORING}.step",
         "        else:\n            self._standstill_time = 0.0",
         "        else:\n            self._standstill_time += 0.0",
@@ -229,7 +229,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "positioning-watched-in-the-next-job",
-        "The supervision of an end position goes on under the next motion",
+        "The monitoring of the target position continues during the next motion",
         f"{_PLANNING}._leave_target",
         "self._monitoring.cancel()",
         "self._monitoring.start_positioning()",

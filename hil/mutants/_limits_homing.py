@@ -19,7 +19,7 @@ _defect = partial(defect, area="axis")
 MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "limit-polarity",
-        "The level of the hardware limit switches is taken the wrong way round",
+        "The level of the hardware limit switches is inverted",
         f"{_HARDWARE}.check_hardware",
         "is (switch.level.value != 0)",
         "is (switch.level.value == 0)",
@@ -37,7 +37,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "limit-can-be-left-outwards",
-        "A limit switch that is acknowledged lets the axis go on outwards",
+        "An acknowledged limit switch lets the axis move further outwards",
         f"{_HARDWARE}._evaluate",
         "if outwards > 0.0 or (self._barred and outwards != 0.0):",
         "if self._barred and outwards != 0.0:",
@@ -46,7 +46,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "limit-bars-the-way-back",
-        "A limit switch that is acknowledged bars the way back too",
+        "An acknowledged limit switch also blocks the way back",
         f"{_HARDWARE}._evaluate",
         "if outwards > 0.0 or (self._barred and outwards != 0.0):",
         "if outwards != 0.0:",
@@ -127,7 +127,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "no-reversal-at-limit",
-        "Active homing does not turn round at a limit switch",
+        "Active homing does not reverse at a limit switch",
         f"{_ACTIVE}._begin",
         'if axis.variables.read("Homing.AutoReversal"):',
         'if axis.variables.read("Homing.AutoReversal") and self._kind < 0:',
@@ -136,7 +136,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "reverses-for-ever",
-        "Active homing turns round at the limit switches as often as it meets one",
+        "Active homing reverses at the limit switches any number of times",
         f"{_ACTIVE}._turn",
         "self._turned.add(place)",
         "self._turned.discard(place)",
@@ -145,7 +145,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "limits-stay-off-after-homing",
-        "The limit switches stay unwatched after a homing that turns round at them",
+        "The limit switches stay unmonitored after a homing that reverses at them",
         f"{_HARDWARE}.end_reversal",
         "self.reversing = False\n",
         "self.reversing = self.reversing\n",
@@ -209,7 +209,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "wrong-side-unnoticed",
-        "A limit switch that is met while moving away from it is taken for a right one",
+        "A limit switch that is reached while moving away from it counts as plausible",
         f"{_HARDWARE}._evaluate",
         "elif self._states.state is AxisState.MOTION and velocity * switch.direction < 0.0:",
         "elif self._states.state is AxisState.MOTION and velocity == 0.0:",
@@ -237,7 +237,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "software-limit-without-jerk",
-        "The braking distance to a software limit is reckoned without the jerk limit",
+        "The braking distance to a software limit is calculated without the jerk limit",
         f"{_SOFTWARE}._look_ahead",
         "stop_distance(speed, growth, deceleration, jerk)",
         "stop_distance(speed, growth, deceleration, 0.0)",
@@ -264,7 +264,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "exceeded-reactions-swapped",
-        "LimitExceededBehavior is taken the wrong way round",
+        "The reactions of LimitExceededBehavior are swapped",
         f"{_SOFTWARE}._exceed",
         "reaction=3 if self._sw_exceeded.value == 1 else 4,",
         "reaction=4 if self._sw_exceeded.value == 1 else 3,",
@@ -282,7 +282,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "outside-limit-does-not-follow",
-        "Behind a software limit the axis may go outwards again after it has gone inwards",
+        "Beyond a software limit the axis may move outwards again after it has moved inwards",
         f"{_SOFTWARE}._follow_range",
         "self._range_max = max(high, min(self._range_max, position))",
         "self._range_max = max(high, self._range_max)",

@@ -45,7 +45,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "frozen-encoder-moves",
-        "A frozen encoder goes on to show its shaft",
+        "A frozen encoder still follows its shaft",
         f"{_ENCODER}:RotaryEncoder._sample_special",
         "if not self._frozen:",
         "if self._frozen is not None:",
@@ -90,7 +90,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "switch-falls-back-late",
-        "A switch that has been passed stays actuated until the other side of its range",
+        "A passed switch stays actuated until the other end of its range",
         f"{_SWITCH}.update",
         "if not low - hysteresis <= position <= high + hysteresis:",
         "if not low - hysteresis <= position:",
@@ -99,7 +99,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "stuck-switch-works",
-        "A switch that is stuck goes on to work",
+        "A stuck switch still works",
         f"{_SWITCH}._settle",
         "state = self._actuated is not self._inverted if self._forced is None else self._forced",
         "state = self._actuated is not self._inverted",

@@ -1,4 +1,4 @@
-"""What a seeded defect is: a place in the product, what stands there, and what stands there instead."""
+"""What a seeded defect is: a place in the product, the present text, and the text that replaces it."""
 
 from __future__ import annotations
 
@@ -9,16 +9,15 @@ from fieldbus.errors import ConfigurationError
 
 AREAS: Final = ("cia402", "profidrive", "axis", "machine", "bus")
 """Where a defect can be: the CiA 402 drive, the PROFIdrive drive with its telegrams, the axis of the
-controller, encoders and
-mechanics, bus and network."""
+controller, encoders and mechanics, bus and network."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Edit:
     """A change of the source of one function.
 
-    `old` has to stand in the function exactly once, so that a change of the product that touches it is
-    noticed.
+    `old` has to occur in the function exactly once, so that a change of the
+    product that touches it is noticed.
     """
 
     target: str
@@ -27,10 +26,10 @@ class Edit:
     new: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Mutant:
-    """A defect as a firmware engineer could make it; nothing of it is in the product until it is switched
-    on.
+    """A defect as a firmware engineer could make it; nothing of it is in the
+    product until it is switched on.
     """
 
     name: str

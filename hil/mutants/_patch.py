@@ -1,9 +1,9 @@
-"""Switching a defect on in the running process: the code of a function is replaced in place, and put back
-afterwards.
+"""Switching a defect on in the running process: the code of a function is replaced in
+place, and put back afterwards.
 
-The function object stays the same, so that the defect is in force wherever the function is held already: in a
-class, under an imported name, as a callback on the scheduler. What is compiled is the source of the function
-with the change in it, and one call before the changed statement that tells that it has been reached.
+The function object stays the same, so that the defect is in effect wherever the function is held already: in
+a class, under an imported name, as a callback on the scheduler. What is compiled is the source of the
+function with the change in it, and one call before the changed statement that tells that it has been reached.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class TargetChangedError(HilError):
         self.edit = edit
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Change:
     """An edit made to source text: what to compile, and the line of the first difference."""
 
@@ -87,7 +87,7 @@ def _undecorated(edit: Edit, found: Any) -> FunctionType:
 
 
 def changed_source(edit: Edit, function: FunctionType) -> _Change:
-    """Return the source of a function with an edit made; indentation counts as it stands in the file.
+    """Return the source of a function with an edit made; indentation counts as it is in the file.
 
     Raises:
         TargetChangedError: The old text does not stand there exactly once, or the new one is the same.
@@ -181,7 +181,7 @@ def _replaced(codes: dict[FunctionType, CodeType], reached: set[str]) -> Iterato
             function.__globals__.pop(_HOOK, None)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Patch:
     """Compiled code for functions; it can be sent to another process of the same interpreter, which need not
     compile it again.

@@ -12,7 +12,7 @@ from hil.errors import CannotRunError
 from hil.mutants._mutant import Mutant
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Judge:
     """One case on one bench."""
 
@@ -71,9 +71,7 @@ def _cases(found: Found, bench: str) -> Iterable[Judge]:
 
 
 def modules_of(judges: Iterable[Judge]) -> list[str]:
-    """Return the modules of campaigns and benches of cases, as far as they can be imported by
-    name.
-    """
+    """Return the modules of campaigns and benches of cases, as far as they can be imported by name."""
     references = dict.fromkeys(name for judge in judges for name in (judge.campaign, judge.bench))
     return list(
         dict.fromkeys(module for one in references if (module := one.partition(":")[0]) in sys.modules)

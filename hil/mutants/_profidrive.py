@@ -1,5 +1,5 @@
-"""Defects of the PROFIdrive drive, of its telegram and encoder interface, and of the controller's side of the
-telegram.
+"""Defects of the PROFIdrive drive, of its telegram and encoder interface, and of the
+controller's side of the telegram.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "quick-stop-taken-back",
-        "OFF3 that goes away lets the drive go on: S5b returns to S4",
+        "When OFF3 ends, the drive resumes operation: S5b returns to S4",
         _MACHINE,
         "if not no_off2 or standstill or not operate:",
         "if on and no_off3 and operate:\n                return self._to(AxisState.S4, Action.CONTINUE)\n"
@@ -59,7 +59,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "off1-cannot-be-taken-back",
-        "ON during the ramp of OFF1 is ignored: S5a goes on to S2",
+        "ON during the ramp of OFF1 is ignored: S5a continues to S2",
         _MACHINE,
         "if on:\n                return self._to(AxisState.S4, Action.CONTINUE)",
         "if on and standstill:\n                return self._to(AxisState.S4, Action.CONTINUE)",
@@ -140,7 +140,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "sign-of-life-never-forgets",
-        "Right signs of life do not count the failures down",
+        "Correct signs of life do not count the failures down",
         f"{_SIGN}.step",
         "self.counter -= 1\n",
         "self.counter -= 0\n",
@@ -158,7 +158,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "controller-ignores-sign-of-life",
-        "The controller takes any sign of life of the drive for good",
+        "The controller accepts any sign of life of the drive",
         _WATCH,
         "right = self._before == 0 or received == next_sign(self._before)",
         "right = received >= 0",
@@ -167,7 +167,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "controller-tolerates-one-sign-less",
-        "The controller gives the drive up one wrong sign of life too early",
+        "The controller drops the drive one wrong sign of life too early",
         _WATCH,
         "return self._wrong <= self.tolerance",
         "return self._wrong < self.tolerance",
@@ -221,7 +221,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "clock-failure-unnoticed",
-        "Telegrams that stay away are not noticed by the drive",
+        "The drive does not notice missing telegrams",
         f"{_MONITORS}._look_at_bus",
         "missed = self._settings.sign_of_life_tolerance + 1.5",
         "missed = 1000.0 * (self._settings.sign_of_life_tolerance + 1.5)",
@@ -239,7 +239,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "encoder-error-not-shown",
-        "G1_ZSW bit 15 stays 0: the encoder value goes on as if it were right",
+        "G1_ZSW bit 15 stays 0: the encoder value continues as if it were valid",
         f"{_ENCODER}._transition",
         "elif cause:\n            self._fault(cause)",
         "elif cause and not self.valid:\n            self._fault(cause)",
@@ -248,7 +248,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "stale-answer-shown",
-        "The controller goes on with the last answer when one of the wrong length comes",
+        "The controller keeps the last answer when an answer of the wrong length arrives",
         f"{_PORT}._take",
         "if frame is None or len(frame) != self.telegram.actual.length:\n            alive = "
         "self._judge(fresh=False)",

@@ -71,11 +71,11 @@ _VERDICT: Final = {
 
 
 def as_run(seeding: Seeding) -> RunResult:
-    """Return a run with a case for every defect: passed is caught, failed has survived, blocked has an
-    explanation.
+    """Return a run with a case for every defect: passed is caught, failed has
+    survived, blocked has an explanation.
 
-    No case claims a requirement: that a defect is caught shows that cases judge, not that the product does
-    what it should.
+    No case is marked with a requirement: that a defect is caught shows that cases judge, not that
+    the product does what it should.
     """
     return RunResult(
         title="Defect seeding",
@@ -138,7 +138,7 @@ def store(seeding: Seeding, directory: Path) -> None:
     write_whole(directory / TABLE_FILE, markdown(seeding).encode())
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Stored:
     """An earlier run, as its file has it."""
 
@@ -152,8 +152,8 @@ class Stored:
     def kept(
         self, mutants: Iterable[Mutant], judges: Sequence[Judge], seed: int, *, again: bool
     ) -> list[MutantResult]:
-        """Return the results that need not be found again: of defects that are still the same, and could be
-        judged.
+        """Return the results that need not be found again: of defects that are still
+        the same, and could be judged.
 
         Args:
             mutants: The defects that are asked for.

@@ -29,7 +29,7 @@ OnResult = Callable[["MutantResult", int, int], None]
 OnBaseline = Callable[[Outcome, int, int], None]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SeedingOptions:
     """How defects are judged."""
 
@@ -46,7 +46,7 @@ def changes_of(mutant: Mutant) -> list[dict[str, str]]:
     return [{"target": edit.target, "old": edit.old, "new": edit.new} for edit in mutant.edits]
 
 
-@dataclass(slots=True)
+@dataclass
 class MutantResult:
     """What became of one defect."""
 
@@ -90,8 +90,8 @@ class MutantResult:
 
     @property
     def status(self) -> str:
-        """`caught`, `explained` (no case can notice it, with a reason), `survived`, `never ran`, or
-        `error`.
+        """`caught`, `explained` (no case can notice it, with a reason),
+        `survived`, `never ran`, or `error`.
         """
         if self.earlier is not None:
             return str(self.earlier["status"])
@@ -127,7 +127,7 @@ class MutantResult:
         }
 
 
-@dataclass(slots=True)
+@dataclass
 class Seeding:
     """A finished run."""
 
@@ -141,8 +141,8 @@ class Seeding:
     """Whether it ended before every defect was judged, or has not ended yet."""
     seed: int = 0
     judged_by: str = ""
-    """Digest of the cases that judge and of their benches' names: with others the results would not be
-    comparable.
+    """Digest of the cases that judge and of their benches' names: with others the
+    results would not be comparable.
     """
 
     def count(self, status: str) -> int:
@@ -217,7 +217,7 @@ class Seeder:
         self._pool = Pool[Task, Outcome | None](number_of_processes(options.jobs), start, reuse=False)
         self._seeding = Seeding(seed=options.seed, judged_by=digest_of(judges))
         self._done: dict[str, MutantResult] = {result.mutant.name: result for result in earlier}
-        self._told = len(self._done)
+        self._reported = len(self._done)
         self._started_s = time.perf_counter() - earlier_seconds
         self._watching = Patch()
 
@@ -250,8 +250,8 @@ class Seeder:
         return seeding
 
     def _all_stages(self) -> None:
-        """Try the best of the likely cases, then all likely ones, then all others: few defects come that
-        far.
+        """Try the best of the likely cases, then all likely ones, then all
+        others: few defects come that far.
         """
         left = [one for one in self._mutants if one.name not in self._done]
         if not left:
@@ -312,8 +312,8 @@ class Seeder:
     def _judge(
         self, judges: Sequence[Judge], mutants: Sequence[Mutant], only: Mapping[str, set[Judge]] | None = None
     ) -> None:
-        """Try cases on mutants; `only`: the cases for each, None = all that can notice it, and then it is
-        over.
+        """Try cases on mutants; `only`: the cases for each, None = all that can
+        notice it, and then it is over.
         """
         baseline = self._seeding.baseline
         green = [judge for judge in judges if baseline[judge].verdict == "passed"]
@@ -364,6 +364,6 @@ class Seeder:
 
     def _tell(self, result: MutantResult) -> None:
         result.over = True
-        self._told += 1
+        self._reported += 1
         if self._on_result is not None:
-            self._on_result(result, self._told, len(self._mutants))
+            self._on_result(result, self._reported, len(self._mutants))

@@ -1,5 +1,5 @@
-"""Defects of setpoints: profiles, superimposed motion, MotionIn, several encoders, external encoders, control
-panel.
+"""Defects of setpoints: profiles, superimposed motion, MotionIn, several encoders,
+external encoders, control panel.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     # -- superimposed --
     _defect(
         "superimposed-without-room",
-        "A superimposed motion gets the whole velocity limit, whatever the basic motion has of it",
+        "A superimposed motion gets the whole velocity limit, whatever the basic motion uses",
         f"{_SUPERPOSITION}._velocity_left",
         "return max(0.0, self._limit() - present)",
         "return self._limit()",
@@ -160,7 +160,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "superimposed-distance-lost",
-        "A superimposed motion that is ended takes its distance back",
+        "A superimposed motion that ends gives its distance back",
         f"{_SUPERPOSITION}.freeze",
         "self.part.set_state(self.part.s, 0.0)",
         "self.part.set_state(0.0, 0.0)",
@@ -170,7 +170,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     # -- external encoder --
     _defect(
         "encoder-overflow-jumps",
-        "The end of the range of an encoder on the bus is taken for a way",
+        "The wrap-around of an encoder on the bus is taken for a movement",
         "motion.drives.cia406:Cia406Port.read",
         "self.encoder_increments += (value - self._last + half) % self._range - half",
         "self.encoder_increments += value - self._last",
@@ -188,7 +188,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "encoder-link-unwatched",
-        "An external encoder whose telegrams stay away raises no alarm 431",
+        "An external encoder without telegrams raises no alarm 431",
         f"{_ENCODER}.cycle",
         "not port.link_ok and self._was_linked,",
         "not port.link_ok and not self._was_linked,",
@@ -243,7 +243,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     ),
     _defect(
         "panel-takes-a-moving-axis",
-        "The panel takes an axis that the program is still stopping",
+        "The panel takes over an axis that the program is still stopping",
         f"{_PANEL}.take_control",
         "if axis.enabling.enable or axis.state not in _OFF:",
         "if axis.enabling.enable:",
@@ -263,8 +263,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "panel-jogs-forward-only",
         "A slider below zero jogs forward",
         f"{_PANEL}.jog",
-        'inputs = {"JogForward": slider > 0.0, "JogBackward": slider < 0.0, **dynamics}',
-        'inputs = {"JogForward": slider != 0.0, "JogBackward": False, **dynamics}',
+        "dynamics, forward, backward = self._dynamics(), slider > 0.0, slider < 0.0",
+        "dynamics, forward, backward = self._dynamics(), slider != 0.0, False",
         ids=("COM-048",),
         likely=("commissioning/session/backward", "commissioning/slider/-37"),
     ),

@@ -27,7 +27,7 @@ MEMORY_LIMIT: Final = 6 << 30
 """Address space of a worker, bytes: a defect that allocates without end shall not take the machine along."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Outcome:
     """How a case ended in a worker."""
 
@@ -48,13 +48,13 @@ class Outcome:
 
     @property
     def red(self) -> bool:
-        """Whether it is red in the baseline; a case that its bench cannot have is blocked there, and judges
-        nothing.
+        """Whether it is red in the baseline; a case that its bench cannot have is
+        blocked there, and judges nothing.
         """
         return self.verdict not in {"passed", "blocked"}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Task:
     """Cases of one defect; it travels to a process and needs a fresh one."""
 
@@ -115,7 +115,7 @@ def _judge(task: Task, judge: Judge, limit_s: float, reached: set[str]) -> Outco
     )
 
 
-@dataclass(slots=True)
+@dataclass
 class Finished:
     """A task that has ended."""
 

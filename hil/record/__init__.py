@@ -13,13 +13,14 @@ from hil.record._kinds import EVENT_KINDS, check_event_kind
 from hil.record._recorder import Group, Recorder
 from hil.record._select import EventSelector, event, kind_matches
 from hil.record._signal import Direction, Signal
-from hil.record._trace import Trace, TraceFrame, TraceGroup
+from hil.record._trace import Trace, TraceFrame, TraceGroup, protocol_of
 from hil.record._vocabulary import (
     EVENT_DETAILS,
     Vocabulary,
     check_component,
     check_selector,
     check_state,
+    similar_signals,
 )
 
 __all__ = [
@@ -44,4 +45,6 @@ __all__ = [
     "first_difference",
     "homing_drawings",
     "kind_matches",
+    "protocol_of",
+    "similar_signals",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 from hil.record._trace import Trace, TraceFrame, TraceGroup, event_json
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Difference:
     """Where two traces part."""
 

@@ -40,7 +40,7 @@ def homing_drawings(trace: Trace) -> list[HomingDrawing]:
     return [one for one in map(_Homing(trace).drawing, trace.select(kind="homing.started")) if one]
 
 
-@dataclass(slots=True)
+@dataclass
 class _Path:
     """Motion of an axis, every cycle."""
 
@@ -154,8 +154,8 @@ class _Homing:
         return drawing
 
     def _path(self, axis: str, columns: tuple[str, str]) -> _Path:
-        """Return the motion of an axis; its actual values are those of half a cycle before the row that shows
-        them.
+        """Return the motion of an axis; its actual values are those of half a cycle
+        before the row that shows them.
         """
         position, velocity = (self._trace[f"{axis}.{column}"] for column in columns)
         late = 0.5 * self._trace.constants.get(f"{axis}.cycle_s", 0.0)
@@ -221,8 +221,8 @@ class _Homing:
         return lane
 
     def _zero_marks(self, wired: Event | None, path: _Path, drawing: HomingDrawing) -> SwitchLane:
-        """Return the zero mark that was used, and the encoder's other ones, one per revolution of a motor
-        encoder.
+        """Return the zero mark that was used, and the encoder's other ones, one per
+        revolution of a motor encoder.
         """
         lane = SwitchLane("zero mark")
         if drawing.mark is None:

@@ -4,12 +4,11 @@ never fire.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from types import MappingProxyType
 from typing import Final
 
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import UnknownNameError
 from hil.record._select import kind_matches
 
 EVENT_KINDS: Final = MappingProxyType(
@@ -132,19 +131,13 @@ def check_event_kind(where: str, kind: str, *, others: Iterable[str] = ()) -> No
         others: Kinds of user-defined parts: `History.declare`, and those in the log already.
 
     Raises:
-        ConfigurationError: No part emits it; the message has similar kinds, and how to declare one.
+        UnknownNameError: No part emits it; the message has similar kinds, and how to declare one.
 
     """
     known = {*EVENT_KINDS, *others}
     if any(kind_matches(kind, one) for one in known):
         return
-    near = difflib.get_close_matches(kind, known, n=5)
-    same = [
-        one
-        for one in sorted(known)
-        if one.split(".")[0] == kind.split(".", maxsplit=1)[0] and one not in near
-    ]
-    proposals = [*near, *same] or sorted(known)
-    raise ConfigurationError(
-        where, kind, f"{', '.join(proposals)}; kinds of parts of your own: history.declare({kind!r})"
-    )
+    family = kind.split(".", maxsplit=1)[0]
+    same = [one for one in sorted(known) if one.split(".")[0] == family]
+    own = f"kinds of parts of your own: history.declare({kind!r})"
+    raise UnknownNameError(where, kind, "a kind of event", same or sorted(known), more=own)

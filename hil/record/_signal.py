@@ -17,18 +17,18 @@ _SLACK_S = 5e-10
 """Half a nanosecond: times are whole nanoseconds held as float64 seconds."""
 
 
-@dataclass(slots=True)
+@dataclass
 class Signal(ReportSignal):
-    """One column of a trace: `time_s` [s], `values` [`unit`], ascending in time; do not write to the
-    arrays.
+    """One column of a trace: `time_s` [s], `values` [`unit`], ascending in
+    time; do not write to the arrays.
     """
 
     def __len__(self) -> int:
         return len(self.values)
 
     def at(self, time_s: float) -> float:
-        """Return the value in force at `time_s`: the last sample not later (the first one before all
-        samples).
+        """Return the value in effect at `time_s`: the last sample not later (the
+        first one before all samples).
 
         Raises:
             ConfigurationError: The signal has no samples.
@@ -76,8 +76,8 @@ class Signal(ReportSignal):
         return times
 
     def changes(self) -> list[tuple[float, float]]:
-        """Return time and new value of every change, the first sample included: the change log of a word
-        (DIA-111).
+        """Return time and new value of every change, the first sample included: the
+        change log of a word (DIA-111).
         """
         values = self.values
         if len(values) == 0:
@@ -95,7 +95,7 @@ class Signal(ReportSignal):
         return None
 
     def settles(self, limit: float, *, after_s: float = 0.0) -> float | None:
-        """Return the time of the first sample from which on |value| <= `limit` to the end of the trace."""
+        """Return the time of the first sample from which on `|value|` <= `limit` to the end of the trace."""
         part = self.between(after_s, float("inf"))
         if len(part.values) == 0:
             return None

@@ -20,7 +20,7 @@ from hil.errors import NotRecordedError, RecordingError
 from hil.record._frames import BusFrame, Entry, FrameLog, PackedFrames
 from hil.record._select import EventSelector, kind_matches
 from hil.record._signal import Signal
-from hil.record._vocabulary import Vocabulary
+from hil.record._vocabulary import Vocabulary, similar_signals
 
 _TIME: Final = Struct("<q").pack
 _FRAME_HEAD: Final = Struct("<IBBB").pack
@@ -68,8 +68,8 @@ def _can_body(frame: BusFrame | TraceFrame, data: bytes, tail: str) -> bytes:
 def _can_log(bus: str, log: FrameLog) -> Iterator[tuple[int, bytes]]:
     """Return time and canonical bytes of the frames of a CAN segment.
 
-    The bytes after the time are made once for a frame that is sent many times, such as one without
-    acknowledge.
+    The bytes after the time are made once for a frame that is sent many times,
+    such as one without acknowledge.
     """
     if isinstance(log, PackedFrames):
         # It makes its frames when they are read: equal frames are not the same object.
@@ -210,9 +210,13 @@ class Trace:
         if self.vocabulary is not None and name in self.vocabulary.absent:
             raise NotRecordedError(f"{self.vocabulary.origin} does not hold the signal {name}")
         known_names = [n for n in self.names() if group is None or n.startswith(component + ".")]
-        raise RecordingError(
-            f"no signal {name!r} was recorded; recorded are: {', '.join(known_names) or 'none'}"
-        )
+        if group is None and known_names:
+            components = ", ".join(dict.fromkeys(n.partition(".")[0] for n in known_names))
+            similar = similar_signals(name, known_names)
+            raise RecordingError(f"no signal {name!r} was recorded; there is: {components}{similar}")
+        similar = similar_signals(name, known_names)
+        every = ", ".join(known_names) or "none"
+        raise RecordingError(f"no signal {name!r} was recorded{similar}; recorded are: {every}")
 
     def __contains__(self, name: object) -> bool:
         if not isinstance(name, str):
@@ -226,8 +230,8 @@ class Trace:
 
     @property
     def from_log(self) -> bool:
-        """Whether it was read from the log of another tool, which holds bus frames only and may end
-        anywhere.
+        """Whether it was read from the log of another tool, which holds bus
+        frames only and may end anywhere.
         """
         return self.vocabulary is not None and bool(self.vocabulary.kinds)
 

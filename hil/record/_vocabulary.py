@@ -12,6 +12,7 @@ from fieldbus.history import Event, Scalar
 from hil.errors import NotRecordedError, RecordingError
 from hil.record._kinds import EVENT_KINDS, check_event_kind
 from hil.record._select import EventSelector, kind_matches
+from reports.json_types import JsonObject
 
 
 class RecordedGroup(Protocol):
@@ -83,7 +84,7 @@ _NMT: Final = frozenset({"drive.nmt", "nmt.state"})
 _STATES: Final = frozenset({"from", "to"})
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Vocabulary:
     """Names and values that a recording can hold; made by the bench, and kept with the trace."""
 
@@ -104,7 +105,7 @@ class Vocabulary:
     drives: Mapping[str, str] = field(default_factory=dict)
     """Axes and the drives that move them."""
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> JsonObject:
         """Return plain values; `from_dict` reads them back."""
         return {
             "components": list(self.components),
@@ -135,8 +136,8 @@ class Vocabulary:
 def check_selector(trace: Recording, selector: EventSelector) -> None:
     """Refuse to look for an event that cannot be in this trace.
 
-    Kinds and details are known for every trace; components, jobs and other values for those that a bench has
-    made.
+    Kinds and details are known for every trace; components, jobs and other values
+    for those that a bench has made.
 
     Raises:
         RecordingError: There is no such kind, component, detail, state, job or other value; the message lists
@@ -160,7 +161,7 @@ def check_component(trace: Recording, name: str, where: str) -> None:
     """Refuse the name of a component that the bench of this trace does not have.
 
     Raises:
-        RecordingError: There is none; the message names those that there are.
+        RecordingError: There is none; the message lists the known ones.
 
     """
     if trace.vocabulary is None or name in trace.vocabulary.components:
@@ -176,7 +177,7 @@ def check_state(trace: Recording, component: str, text: str, kind: str = "") -> 
     """Refuse a component, or a state that none of its state machines has.
 
     Raises:
-        RecordingError: There is none; the message names those that there are.
+        RecordingError: There is none; the message lists the known ones.
 
     """
     check_component(trace, component, f"state of {component}")
@@ -273,6 +274,12 @@ def _state_texts(
     for entry in alike:
         known.update(dict.fromkeys(entry.data[key] for key in ("from", "to") if key in entry.data))
     return tuple(known)
+
+
+def similar_signals(name: str, known: Iterable[str]) -> str:
+    """Return what to add to a message about a signal that does not exist: `; similar: drive1.torque`."""
+    near = difflib.get_close_matches(name, list(known), n=3)
+    return f"; similar: {', '.join(near)}" if near else ""
 
 
 def _near(value: Scalar, known: Iterable[Scalar]) -> str:

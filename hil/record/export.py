@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fieldbus.errors import ConfigurationError
 from hil.errors import CannotRunError
 from hil.record._trace import Trace, TraceGroup
+from reports.naming import naming
 
 SIGNAL_FORMATS: Final = (".mf4", ".csv", ".npz")
 """Suffixes of files for signals."""
@@ -74,7 +75,7 @@ def _write_npz(chosen: Chosen, path: Path) -> None:
         arrays[f"{group.name}.time_s"] = group.time_ns * _NS
         for column in columns:
             arrays[f"{group.name}.{group.columns[column][0]}"] = group.values[:, column]
-    with path.open("wb") as stream:
+    with naming(path), path.open("wb") as stream:
         np.savez_compressed(stream, allow_pickle=False, **arrays)
 
 
@@ -88,7 +89,7 @@ def _write_csv(chosen: Chosen, path: Path) -> None:
             header.append(f"{group.name}.{name} [{unit}]" if unit else f"{group.name}.{name}")
         for time_ns, values in zip(group.time_ns.tolist(), group.values[:, columns].tolist(), strict=True):
             rows.setdefault(time_ns, {}).update(enumerate(values, start=first))
-    with path.open("w", encoding="utf-8", newline="") as stream:
+    with naming(path), path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(header)
         for time_ns in sorted(rows):

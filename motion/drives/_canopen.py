@@ -1,4 +1,4 @@
-"""A drive that is a CANopen node: what the network has to know of it, and what the network tells its port."""
+"""A drive that is a CANopen node: its settings on the network, and what its port hears from there."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class CommissioningError(HilError):
     """A drive refuses a parameter that the cyclic operation needs."""
 
 
-@dataclass(slots=True, frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class CanopenNodeConfig(LinkConfig):
-    """Facts about a drive on CANopen that the controller has to know, beside those of `LinkConfig`.
+    """Facts about a drive on CANopen that the controller has to know, in addition to those of `LinkConfig`.
 
     Args:
         node_id: CANopen node, 1..127.
@@ -83,18 +83,16 @@ class CanopenNode:
     The network compares and writes what is given here, at the start and whenever the drive comes back.
 
     Args:
-        port: Who is told.
+        port: Gets the events of the node.
         master: The controller's CANopen services on the segment of the drive.
         config: Facts about the drive.
         disable: Object that switches the drive off when it is 0, before anything is written.
         pdos: The PDOs that the cycle uses, and those that have to be silent.
-        parameters: What the profile needs beside bus cycle, reaction to lost communication and error control:
-            (index, sub-index, value, length).
+        parameters: What the profile needs besides bus cycle, reaction to lost communication and
+            error control: (index, sub-index, value, length).
         device_profile: Expected profile in 1000h; None = any.
 
     """
-
-    __slots__ = ("_port", "remote")
 
     def __init__(
         self,
@@ -129,15 +127,15 @@ class CanopenNode:
         """The drive as a node of the network."""
 
     def node_restarted(self) -> None:
-        """See `NodeUser`."""
+        """Tell the port that the drive has restarted: its state is lost."""
         self._port.drive_restarted()
 
     def node_in_service(self) -> None:
-        """See `NodeUser`."""
+        """Let the port use the drive: it is configured and Operational."""
         self._port.enter_service()
 
     def node_lost(self, reason: str) -> None:
-        """See `NodeUser`."""
+        """Take the drive out of use and log why."""
         self._port.leave_service()
         if reason == "heartbeat":
             self._port.emit("link.heartbeat_lost")
@@ -145,11 +143,11 @@ class CanopenNode:
             self._port.emit("link.node_lost", reason=reason)
 
     def node_state(self, state: int) -> None:
-        """See `NodeUser`."""
+        """Log the new NMT state."""
         self._port.emit("link.nmt_state", state=int(state))
 
     def node_emcy(self, code: int) -> None:
-        """See `NodeUser`."""
+        """Give an EMCY to the port."""
         self._port.take_emcy(code)
 
 

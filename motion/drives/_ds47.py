@@ -1,7 +1,7 @@
 """Reading parameters of a drive through the registers of data record 47 (PD-326 to PD-333); nothing waits.
 
-One request at a time: control word, header and request are written, then the answer is asked for until it is
-there.
+One request at a time: control word, header and request are written, then the answer
+is asked for until it is there.
 """
 
 from __future__ import annotations
@@ -50,8 +50,6 @@ class Ds47Reader:
         first: Address on the wire of the control word.
 
     """
-
-    __slots__ = ("_epoch", "_first", "_queue", "_reference", "_scheduler", "_submit", "_tries")
 
     def __init__(self, scheduler: Scheduler, submit: Submit, first: int) -> None:
         self._scheduler = scheduler

@@ -1,5 +1,5 @@
-"""What ports over a bus share: whether the drive is in service, and how long its actual values have stayed
-away.
+"""What ports over a bus share: whether the drive is in service, and how long its
+actual values have stayed away.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ GRACE_CYCLES: Final = 3
 """Cycles without an actual value after which the link counts as lost."""
 
 
-@dataclass(slots=True, frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class LinkConfig:
     """What holds for a drive on any bus.
 
@@ -80,14 +80,14 @@ class LinkedPort(DrivePort):
         self._in_service = True
 
     def leave_service(self) -> None:
-        """Take note that the drive is lost: the link is down until it is in service again and sends something
-        new.
+        """Take note that the drive is lost: the link is down until it is in service
+        again and sends something new.
         """
         self._in_service = False
         self._link_age = self._grace
 
     def power_down(self) -> None:
-        """Forget the drive, as a controller without supply does; nothing is told."""
+        """Forget the drive, as a controller without supply does; nothing is logged."""
         self.leave_service()
         self.link_ok = False
         self.zsw1 = 0

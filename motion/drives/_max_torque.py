@@ -1,5 +1,5 @@
-"""Torque limit of a CiA 402 drive in 6072h, which is no process data here: it is read and written by SDO
-(MC-585).
+"""Torque limit of a CiA 402 drive in 6072h, which is no process data here: it is
+read and written by SDO (MC-585).
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ _LARGEST: Final = 0xFFFF
 class MaxTorque:
     """Keeps 6072h at the limit that is wanted; nothing waits, one transfer runs at a time.
 
-    What the drive had before comes back when the limit ends, and a drive that has started again gets the
-    limit
-    again.
+    What the drive had before comes back when the limit ends, and a drive that has
+    started again gets the limit again.
 
     Args:
         master: The controller's CANopen services.
@@ -29,8 +28,6 @@ class MaxTorque:
         refused: Called with the reason when the drive does not take the limit.
 
     """
-
-    __slots__ = ("_busy", "_generation", "_master", "_node_id", "_original", "_refused", "_sent", "wanted")
 
     def __init__(self, master: CanopenMaster, node_id: int, refused: Callable[[str], object]) -> None:
         self._master = master

@@ -23,15 +23,13 @@ _STORED: Final = 0x0002
 
 
 class ProbeMarkSearch(MarkSearch):
-    """See the module. The port calls `ask` once per cycle while `waiting`.
+    """Searches the zero mark with touch probe 1. The port calls `ask` once per cycle while `waiting`.
 
     Args:
         master: The controller's CANopen services on the segment of the drive.
         node_id: The drive.
 
     """
-
-    __slots__ = ("_generation", "_master", "_node_id", "waiting")
 
     def __init__(self, master: CanopenMaster, node_id: int) -> None:
         super().__init__()
@@ -70,7 +68,7 @@ class ProbeMarkSearch(MarkSearch):
         mine = self._generation
         client = self._master.sdo(self._node_id)
 
-        def told(job: SdoJob) -> None:
+        def on_status(job: SdoJob) -> None:
             if mine != self._generation:
                 return
             if not job.ok:
@@ -90,4 +88,4 @@ class ProbeMarkSearch(MarkSearch):
             else:
                 self._fail()
 
-        client.upload(_STATUS, 0, told)
+        client.upload(_STATUS, 0, on_status)

@@ -23,8 +23,6 @@ class TelegramPdos:
 
     """
 
-    __slots__ = ("_all_seen", "_from_wire", "_parts", "_seen", "_to_telegram")
-
     def __init__(self, master: CanopenMaster, node_id: int, words: int) -> None:
         # CANopen has the low byte of a word first, a telegram the high one (PD-343).
         self._from_wire, self._to_telegram = Struct(f"<{words}H"), Struct(f">{words}H")

@@ -1,13 +1,13 @@
-"""Port to a drive with an analog setpoint through an I/O station: enable output, ready input, analog output,
-counter.
+"""Port to a drive with an analog setpoint through an I/O station: enable output, ready
+input, analog output, counter.
 
-The axis speaks control and status words; this port makes terminals of them (STP-058 to STP-062, CFG-386 to
-CFG-398):
+The axis speaks control and status words; this port makes terminals of them (STP-058
+to STP-062, CFG-386 to CFG-398):
 
-* the enable output is set as long as the axis wants the drive to operate, and only then a setpoint is put
-  out;
+* the enable output is set as long as the axis wants the drive to operate, and
+  only then a setpoint is output;
 * the drive operates when the ready input says so, without one as soon as the enable output is set;
-* the drive does not tell when it has stopped by itself: the axis looks at its encoder (`reports_stop`).
+* the drive does not report when it has stopped by itself: the axis looks at its encoder (`reports_stop`).
 
 Delays, with T the cycle: the axis calculates, its outputs are written and its inputs are sampled in the same
 exchange, and the axis sees them one cycle later.
@@ -44,7 +44,7 @@ _OFF_SHIFT: Final = 3
 """STW1 bits 1 and 2 show as ZSW1 bits 4 and 5."""
 
 
-@dataclass(slots=True, frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class AnalogPortConfig(LinkConfig):
     """Facts about the drive and its wires that the controller has to know.
 
@@ -75,7 +75,7 @@ class AnalogPortConfig(LinkConfig):
 
 
 class AnalogPort(LinkedPort):
-    """See the module.
+    """Makes terminals of control word, status word and speed setpoint.
 
     Args:
         station: Where the drive is wired to.

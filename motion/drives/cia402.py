@@ -51,9 +51,9 @@ _ZSW1_OF_STATE: Final = {
 }
 
 
-@dataclass(slots=True, frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Cia402PortConfig(CanopenNodeConfig):
-    """Facts about the drive that the controller has to know, beside those of any drive on CANopen.
+    """Facts about the drive that the controller has to know, in addition to those of any drive on CANopen.
 
     Args:
         rated_torque_nm: 6076h, for the torque in permille.
@@ -72,7 +72,7 @@ class Cia402PortConfig(CanopenNodeConfig):
 
 
 class Cia402Port(LinkedPort):
-    """See the module.
+    """Sends velocity setpoints in csv and reads position, velocity and torque.
 
     Args:
         master: The controller's CANopen services on the segment of the drive.
@@ -139,7 +139,7 @@ class Cia402Port(LinkedPort):
         """Return what commissioning may write, in order: (index, sub-index, value)."""
         return written(self.node)
 
-    # -- what the network tells
+    # -- calls of the network
     # -------------------------------------------------------------------------------
 
     @override
@@ -251,8 +251,8 @@ class Cia402Port(LinkedPort):
         self.emit("drive.limit_refused", object="6072h", reason=reason)
 
     def release(self) -> None:
-        """Disable the drive with a last telegram, which acts at the next SYNC: nobody will lead it any
-        more.
+        """Disable the drive with a last telegram, which acts at the next
+        SYNC: nobody will lead it any more.
         """
         try:
             self._master.send(self._rpdo1_id, _RPDO1.pack(0, 0, MODE_CSV))

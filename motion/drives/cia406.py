@@ -1,8 +1,7 @@
 """Port to an encoder of CiA 406 on CANopen: its position by SYNC (TPDO2, 6004h), its alarms by EMCY.
 
 Nothing is written to the encoder. Its position runs from 0 to the end of its range and begins there again;
-the
-port makes a count of it that goes on (CFG-309).
+the port makes a count of it that continues (CFG-309).
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ _ALARMS: Final = frozenset((0x1000, *range(0xFF00, 0xFF20)))
 """EMCY codes that say that the position cannot be relied on (C406-050)."""
 
 
-@dataclass(slots=True, frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Cia406PortConfig:
     """Facts about the encoder that the controller has to know.
 
@@ -54,7 +53,7 @@ class Cia406PortConfig:
 
 
 class Cia406Port(EncoderPort):
-    """See the module. It is the user of its node (`NodeUser`).
+    """Reads the position from TPDO2 and the alarms from EMCY. It is the user of its node (`NodeUser`).
 
     Args:
         master: The controller's CANopen services on the segment of the encoder.
@@ -63,19 +62,6 @@ class Cia406Port(EncoderPort):
         history: Log for link events; None for none.
 
     """
-
-    __slots__ = (
-        "_age",
-        "_grace",
-        "_history",
-        "_in_service",
-        "_known",
-        "_last",
-        "_range",
-        "_seen",
-        "_value",
-        "name",
-    )
 
     def __init__(
         self,
@@ -97,7 +83,7 @@ class Cia406Port(EncoderPort):
         self._known = False
         master.subscribe(0x280 + config.node_id, self._on_position)
 
-    # -- what the network tells
+    # -- calls of the network
     # -------------------------------------------------------------------------------
 
     def node_restarted(self) -> None:

@@ -22,8 +22,8 @@ _ALLOWED: Final = "PD_TELx with Input and Output, Array[a..b] of PD_TELx, or a s
 
 
 class DataBlock:
-    """Structures `PD_TELx` by their path: `block["axis1"]`, `block["encoders[1]"]`,
-    `block["machine.torque"]`.
+    """Structures `PD_TELx` by their path: `block["axis1"]`,
+    `block["encoders[1]"]`, `block["machine.torque"]`.
 
     Args:
         name: Its name, for messages.
@@ -118,22 +118,22 @@ class JoinedBlocks:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """See `TelegramBlock.names`."""
+        """Signals of `Input` and `Output`."""
         main, torque = self._main, self._torque
         return (*main.Input, *torque.Input, *main.Output, *torque.Output)
 
     def receive(self, answer: Sequence[int]) -> tuple[int, ...]:
-        """See `TelegramBlock.receive`."""
+        """Run `pre_servo` of both over what has arrived; return what the axis sees in this cycle."""
         split = len(self._main.Input)
         return self._main.receive(answer[:split]) + self._torque.receive(answer[split:])
 
     def send(self, row: Iterable[int]) -> tuple[int, ...]:
-        """See `TelegramBlock.send`."""
+        """Run `post_servo` of both over what the axis outputs; return what is sent in this cycle."""
         words = tuple(row)
         split = len(self._main.Output)
         return self._main.send(words[:split]) + self._torque.send(words[split:])
 
     def suspend(self, on: bool) -> None:
-        """See `TelegramBlock.suspend`."""
+        """Stop running the programs, or continue."""
         self._main.suspend(on)
         self._torque.suspend(on)

@@ -15,23 +15,8 @@ if TYPE_CHECKING:
 class EncoderPort(ABC):
     """Cyclic coupling to one encoder; `read` refreshes the attributes from what the bus has brought."""
 
-    __slots__ = (
-        "absolute_encoder",
-        "actual_speed_rpm",
-        "brings_speed",
-        "encoder_increments",
-        "encoder_restarts",
-        "has_parameters",
-        "interface_number",
-        "link_ok",
-        "mark",
-        "sensor_fault",
-        "sign_lost",
-        "telegram_number",
-    )
-
     absolute_from_zero: ClassVar[bool] = True
-    """See `DrivePort.absolute_from_zero`."""
+    """An absolute value lies between 0 and the measuring range; False: it has a sign."""
 
     def __init__(self) -> None:
         self.mark: MarkSearch | None = None
@@ -39,7 +24,7 @@ class EncoderPort(ABC):
         self.link_ok = False
         """Cyclic data arrive."""
         self.sign_lost = False
-        """See `DrivePort.sign_lost`."""
+        """Data arrive, but the device does not count its sign of life on, so `link_ok` is FALSE."""
         self.sensor_fault = False
         """The encoder reports that its value cannot be relied on."""
         self.encoder_increments = 0
@@ -53,9 +38,9 @@ class EncoderPort(ABC):
         self.interface_number = 1
         """Which encoder of its telegram it is (`Sensor[n].Interface.Number`)."""
         self.has_parameters = False
-        """See `DrivePort.has_parameters`."""
+        """The parameters of the device can be read by number."""
         self.telegram_number = 0
-        """See `DrivePort.telegram_number`."""
+        """Number of the PROFIdrive telegram; 0 without one."""
 
     def set_reference(self, speed: float) -> None:  # noqa: B027 - a connection without shares has nothing to do
         """Take over what 100 % of the actual speed means, rpm, of a linear encoder m/min (CFG-340)."""

@@ -32,8 +32,6 @@ IDLE, ACTIVATING, SEARCHING, PAUSING, READING, CLOSING, CANCELLING = range(7)
 class MarkSearch:
     """One search for a zero mark; `start` it, and look every cycle."""
 
-    __slots__ = ("failed", "found", "searching", "supported", "value")
-
     def __init__(self) -> None:
         self.supported = True
         """The device can search, as far as is known."""
@@ -81,8 +79,6 @@ class TelegramMarkSearch(MarkSearch):
 
     The port puts `word` into Gx_STW while it is not 0, and gives every answer to `take` while `busy`.
     """
-
-    __slots__ = ("_age", "_attempts", "busy", "phase", "word")
 
     def __init__(self) -> None:
         super().__init__()
@@ -155,24 +151,22 @@ class TelegramMarkSearch(MarkSearch):
 
 
 class IdealMarkSearch(MarkSearch):
-    """A search that needs no device: whoever moves the encoder says what it passes.
+    """A search that needs no device: the code that moves the encoder says what it passes.
 
     Args:
         places: Zero marks, in the increments of `encoder_increments`.
 
     """
 
-    __slots__ = ("places",)
-
     def __init__(self, *places: int) -> None:
         super().__init__()
         self.places = places
 
     def _begin(self) -> None:
-        """Nothing has to be told."""
+        """Do nothing: an ideal drive needs no command."""
 
     def _end(self) -> None:
-        """Nothing has to be told."""
+        """Do nothing: an ideal drive needs no command."""
 
     def pass_by(self, before: float, after: float) -> None:
         """Take note of a motion from one count to another."""

@@ -90,8 +90,8 @@ class DrivePort(ABC):
     )
 
     reports_stop: ClassVar[bool] = True
-    """The status word tells when a stop that the drive makes by itself has ended; False: the axis has to
-    look.
+    """The status word shows when a stop that the drive makes by itself has
+    ended; False: the axis has to look.
     """
     absolute_from_zero: ClassVar[bool] = False
     """An absolute value lies between 0 and the measuring range, as in Gx_XIST2; False: it has a sign."""
@@ -137,8 +137,8 @@ class DrivePort(ABC):
         self.has_torque_data = False
         """Additive torque and torque range reach the drive (telegram 750)."""
         self.has_torque_reduction = False
-        """A torque limit reaches the drive, and it says whether that is reached (telegrams 102, 103, 105,
-        106).
+        """A torque limit reaches the drive, and it says whether that is reached
+        (telegrams 102, 103, 105, 106).
         """
         self.torque_limit_reached = False
         """The drive works at the threshold of its torque limit (MELDW bit 1 = 0)."""
@@ -156,8 +156,8 @@ class DrivePort(ABC):
         """Take over the inputs that have arrived since the last cycle."""
 
     def telegram_view(self) -> dict[str, int]:
-        """Return the words of the telegram by signal name, as last sent and last received (DIA-100,
-        DIA-101).
+        """Return the words of the telegram by signal name, as last sent and
+        last received (DIA-100, DIA-101).
         """
         return {"ZSW1": self.zsw1}
 
@@ -177,8 +177,8 @@ class DrivePort(ABC):
         raise NotImplementedError
 
     def limit_torque(self, share: float | None) -> None:
-        """Limit the torque in both directions to a share of the reference torque, 0..1, or not; where
-        `has_torque_reduction`.
+        """Limit the torque in both directions to a share of the reference torque, 0..1, or
+        not; where `has_torque_reduction`.
         """
         raise NotImplementedError
 

@@ -50,8 +50,8 @@ TelegramSeam = Callable[[bytes], bytes | None]
 
 
 def decode_parameter(number: int, data: bytes) -> float | None:
-    """Return the value of a parameter that came as an object of its own, low byte first; None for what is no
-    number.
+    """Return the value of a parameter that came as an object of its own, low byte
+    first; None for what is no number.
 
     Args:
         number: PROFIdrive number; it says which ones are floating point.
@@ -63,7 +63,7 @@ def decode_parameter(number: int, data: bytes) -> float | None:
     return int.from_bytes(data, "little") if 1 <= len(data) <= 4 else None
 
 
-@dataclass(slots=True, frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class TelegramConfig:
     """The telegram of a drive and what its words mean.
 
@@ -191,7 +191,7 @@ class ProfidrivePort(LinkedPort):
         self.telegram_number = words.telegram
         self._blocks: TelegramBlock | JoinedBlocks
         self.block: TelegramBlock | None = None
-        """The data block between telegram and axis, where a user program stands there (CFG section 13)."""
+        """The data block between telegram and axis, if a user program is there (CFG section 13)."""
         self._compile()
         self.set_reference(words.reference_speed_rpm, words.reference_torque_nm)
         self._watch = SignWatch(tolerance=words.sign_tolerance)
@@ -270,12 +270,12 @@ class ProfidrivePort(LinkedPort):
     def connect_block(
         self, block: TelegramBlock | None = None, torque: TelegramBlock | None = None
     ) -> TelegramBlock:
-        """Put a data block between telegram and axis; from now on the user program keeps the sign of life
-        (CFG-260).
+        """Put a data block between telegram and axis; from now on the user program
+        keeps the sign of life (CFG-260).
 
         Args:
             block: Structure of a `DataBlock`; None = one of its own with all words.
-            torque: Structure `PD_TEL750` for the words of the supplement; None = they stand in `block`.
+            torque: Structure `PD_TEL750` for the words of the supplement; None = they are in `block`.
 
         Raises:
             ConfigurationError: A structure is that of another telegram, or has not as many words.
@@ -291,12 +291,12 @@ class ProfidrivePort(LinkedPort):
         if torque is not None and torque.name != "PD_TEL750":
             raise ConfigurationError("data block of the torque data", torque.name, "PD_TEL750 (CFG-405)")
         if tuple(blocks.names) != (*own.Input, *own.Output):
-            allowed = "with PD_TEL750 beside it" if torque is None else "without one for torque data"
+            allowed = "together with PD_TEL750" if torque is None else "without one for torque data"
             raise ConfigurationError("data block", block.name, f"{allowed}: as the drive has its telegrams")
         self.has_parameters = False
         return block
 
-    # -- what the bus tells
+    # -- calls of the bus
     # -------------------------------------------------------------------------------------
 
     @override
@@ -410,8 +410,8 @@ class ProfidrivePort(LinkedPort):
             self._row[self._momred_at] = 0 if share is None else round((1.0 - share) * N2_ONE)
 
     def _compose(self, stw1: int, speed_rpm: float, torque_nm: float) -> bytes | None:
-        """Return the telegram of this cycle, of any length where a test disturbs it; None: nothing is
-        sent.
+        """Return the telegram of this cycle, of any length where a test
+        disturbs it; None: nothing is sent.
         """
         row = self._row
         row[0] = stw1

@@ -1,6 +1,6 @@
 """Port to a PROFIdrive axis on CANopen: its telegram in free process data words on PDOs, latched by SYNC.
 
-Four words of the telegram stand in a PDO (5800h and following to the drive, 5810h and following from it); one
+Four words of the telegram are in a PDO (5800h and following to the drive, 5810h and following from it); one
 more TPDO brings digital inputs and the fault number by event.
 
 Delays, with T the bus cycle: the drive samples at SYNC k, the axis calculates half a cycle later, its
@@ -35,7 +35,7 @@ _STATUS_STRUCT: Final = Struct("<IHH")
 _PARAMETER: Final = 0x2000
 
 
-@dataclass(slots=True, frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ProfidriveCanConfig(CanopenNodeConfig):
     """Facts about the drive that the controller has to know.
 
@@ -70,7 +70,7 @@ class ControlSteps(Protocol):
 
 
 class ProfidriveCanPort(ProfidrivePort):
-    """See the module.
+    """Exchanges the telegram in PDOs, four words in each.
 
     Args:
         master: The controller's CANopen services on the segment of the drive.
@@ -147,7 +147,7 @@ class ProfidriveCanPort(ProfidrivePort):
             PdoSetup(True, 5, self._status_id(), 255, _STATUS),
         )
 
-    # -- what the network tells
+    # -- calls of the network
     # -------------------------------------------------------------------------------
 
     @override

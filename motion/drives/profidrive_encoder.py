@@ -38,7 +38,7 @@ _ACKNOWLEDGE_ERROR: Final = int(G_STW.ACKNOWLEDGE)
 _HALF: Final = 1 << 31
 
 
-@dataclass(slots=True, frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class EncoderPortConfig:
     """Facts about the encoder that the controller has to know.
 
@@ -73,39 +73,15 @@ class EncoderPortConfig:
 
 
 class ProfidriveEncoderPort(EncoderPort):
-    """See the module.
+    """Exchanges the encoder telegram in PDOs.
 
     Args:
         master: The controller's CANopen services on the segment of the encoder.
-        setup: The encoder as a node; nothing is written to it but what stands there.
+        setup: The encoder as a node; nothing is written to it except what is listed there.
         config: Its telegram.
         history: Log for `link.up` and `link.down`; None for none.
 
     """
-
-    __slots__ = (
-        "_age",
-        "_answer",
-        "_config",
-        "_history",
-        "_in_service",
-        "_master",
-        "_pdos",
-        "_place",
-        "_read_ns",
-        "_reference_speed",
-        "_rpdo",
-        "_search",
-        "_sent",
-        "_sign",
-        "_telegram",
-        "_watch",
-        "acknowledges",
-        "block",
-        "g1_stw",
-        "name",
-        "node",
-    )
 
     def __init__(
         self,
@@ -122,7 +98,7 @@ class ProfidriveEncoderPort(EncoderPort):
         self.brings_speed = config.telegram != 81
         self._reference_speed = config.reference_speed
         self.block: TelegramBlock | None = None
-        """The data block between telegram and encoder object, where a user program stands there."""
+        """The data block between telegram and encoder object, if a user program is there."""
         self._master = master
         self._config = config
         self._history = history
@@ -187,8 +163,8 @@ class ProfidriveEncoderPort(EncoderPort):
         self._reference_speed = speed
 
     def connect_block(self, block: TelegramBlock) -> TelegramBlock:
-        """Put a structure of a `DataBlock` between telegram and encoder object (CFG-289); see
-        `ProfidrivePort.connect_block`.
+        """Put a structure of a `DataBlock` between telegram and encoder object
+        (CFG-289); see `ProfidrivePort.connect_block`.
 
         Raises:
             ConfigurationError: It is that of another telegram.
@@ -202,7 +178,7 @@ class ProfidriveEncoderPort(EncoderPort):
         self.block = block
         return block
 
-    # -- what the network tells
+    # -- calls of the network
     # -------------------------------------------------------------------------------------
 
     def node_restarted(self) -> None:

@@ -65,9 +65,9 @@ class Stage(Enum):
     SERVICE = "in service"
 
 
-@dataclass(slots=True, frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ProfidriveModbusConfig(LinkConfig):
-    """Facts about the drive that the controller has to know, beside those of `LinkConfig`.
+    """Facts about the drive that the controller has to know, in addition to `LinkConfig`.
 
     Args:
         unit: Address of the drive, 0..255 (over TCP), 1..247 (on a serial line).
@@ -105,7 +105,7 @@ class ProfidriveModbusConfig(LinkConfig):
 
 
 class ProfidriveModbusPort(ProfidrivePort):
-    """See the module.
+    """Polls the telegram in registers: function 16 to write and 3 to read, or 23 for both.
 
     Args:
         scheduler: Time of the bench.
@@ -292,7 +292,7 @@ class ProfidriveModbusPort(ProfidrivePort):
         self._submit(request, self._on_read)
         if self._asking_more:
             return
-        # One more request per cycle, whatever it asks: a line has no room for two.
+        # One more request per cycle, whatever it asks: a line has no time for two.
         if self._more is not None:
             (more, done), self._more = self._more, None
             self._asking_more = True
@@ -396,7 +396,7 @@ class ProfidriveModbusPort(ProfidrivePort):
             code = result.response.exception
         self.text = result.text
         misses[kind] += 1
-        if misses[kind] == 1:  # the first of a row is told
+        if misses[kind] == 1:  # only the first of a row is reported
             self.emit("link.request_failed", outcome=result.outcome.value, exception=code, text=result.text)
         if not self._in_service:
             if code in _MEANT:

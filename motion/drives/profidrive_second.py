@@ -1,5 +1,5 @@
-"""Port to the second encoder in the telegram of a PROFIdrive axis: G2_STW, G2_ZSW, G2_XIST1 (CFG-207 to
-CFG-213).
+"""Port to the second encoder in the telegram of a PROFIdrive axis: G2_STW, G2_ZSW,
+G2_XIST1 (CFG-207 to CFG-213).
 """
 
 from __future__ import annotations
@@ -22,16 +22,14 @@ _ACKNOWLEDGE: Final = int(G_STW.ACKNOWLEDGE)
 
 
 class SecondEncoderPort(EncoderPort):
-    """The second encoder of a drive; its errors are acknowledged at once, so that they are gone with their
-    cause.
+    """The second encoder of a drive; its errors are acknowledged at once, so that
+    they are gone with their cause.
 
     Args:
         port: Port to the drive, which is read before.
         absolute_encoder: It keeps its position over power-off.
 
     """
-
-    __slots__ = ("_port", "_search", "_sent")
 
     def __init__(self, port: ProfidrivePort, *, absolute_encoder: bool) -> None:
         super().__init__()

@@ -33,7 +33,7 @@ class DriveStage(IntEnum):
 
 
 class SimulatedDrivePort(DrivePort):
-    """See the module.
+    """An ideal motor behind the PROFIdrive state machine.
 
     Args:
         cycle_s: Application cycle, s.
@@ -106,6 +106,20 @@ class SimulatedDrivePort(DrivePort):
         self.mark = self._search = IdealMarkSearch(*zero_marks)
         self.switches = 0
         """Digital inputs at the drive."""
+
+    @property
+    def angle(self) -> float:
+        """Angle of the shaft, rad."""
+        return self._angle
+
+    @property
+    def written(self) -> tuple[int, float]:
+        """Control word and speed setpoint (rpm) as the controller has last written them."""
+        return self._stw1, self._setpoint
+
+    def turn(self, angle: float) -> None:
+        """Turn the shaft from outside by an angle, rad, within this instant."""
+        self._angle += angle
 
     @override
     def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:

@@ -1,9 +1,9 @@
 """The controller's side of an I/O station: one exchange of the process image per cycle, shared by everybody
 who uses it.
 
-Outputs are written at any time and go with the next `exchange`; inputs are those of the last answer. While an
-answer is outstanding the exchange of a cycle is left out: a line that is slower than the cycle is not
-flooded.
+Outputs are written at any time and go with the next `exchange`; inputs are those of the last
+answer. While an answer is outstanding the exchange of a cycle is left out: a line that is slower
+than the cycle is not flooded.
 """
 
 from __future__ import annotations
@@ -43,26 +43,6 @@ class StationLink:
 
     """
 
-    __slots__ = (
-        "_age",
-        "_analog_out",
-        "_client",
-        "_digital_out",
-        "_grace",
-        "_history",
-        "_outputs",
-        "_silent",
-        "_waiting",
-        "analog",
-        "answers",
-        "counters",
-        "digital",
-        "image",
-        "name",
-        "ok",
-        "unit",
-    )
-
     def __init__(
         self,
         client: Client,
@@ -96,7 +76,7 @@ class StationLink:
         """Counters, signed 32 bit."""
 
     def input(self, number: int) -> bool:
-        """Return a digital input as it has last been told."""
+        """Return a digital input as it was last reported."""
         return bool(self.digital >> number & 1)
 
     def set_output(self, number: int, level: bool) -> None:
@@ -178,8 +158,6 @@ class StationInputs:
 
     """
 
-    __slots__ = ("_channels", "_link", "_mask")
-
     def __init__(self, link: StationLink, channels: Mapping[str, int]) -> None:
         for name, number in channels.items():
             if name not in SWITCHES:
@@ -193,8 +171,8 @@ class StationInputs:
         self._mask = ~sum(bit for _, bit in self._channels)
 
     def __call__(self, port: DrivePort) -> bool:
-        """Put the levels into the inputs of a port; return whether the station answers, so that they mean
-        something.
+        """Put the levels into the inputs of a port; return whether the station
+        answers, so that they mean something.
         """
         digital = self._link.digital
         inputs = port.inputs & self._mask

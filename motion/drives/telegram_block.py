@@ -30,18 +30,6 @@ class TelegramBlock:
     those of signed signals with their sign.
     """
 
-    __slots__ = (
-        "Input",
-        "Output",
-        "_sign",
-        "_suspended",
-        "name",
-        "post_servo",
-        "pre_servo",
-        "received",
-        "sent",
-    )
-
     def __init__(self, telegram: Telegram) -> None:
         self.name = f"PD_TEL{telegram.number}"
         self.Input: dict[str, int] = dict.fromkeys(telegram.actual.names, 0)
@@ -61,7 +49,7 @@ class TelegramBlock:
         return (*self.Input, *self.Output)
 
     def suspend(self, suspended: bool) -> None:
-        """Stop running the programs, as a controller in STOP does, or go on: meanwhile `Input` stands, and
+        """Stop running the programs, as a controller in STOP does, or continue: meanwhile `Input` stands, and
         zeros are sent.
         """
         if suspended and self._suspended is None:
@@ -73,8 +61,8 @@ class TelegramBlock:
             self._suspended = None
 
     def pass_through(self, *, sign_of_life: bool = True) -> None:
-        """Let programs copy everything, as a direct connection does, with or without the sign of life of the
-        controller.
+        """Let programs copy everything, as a direct connection does, with or without the
+        sign of life of the controller.
         """
         self.pre_servo = TelegramBlock.copy_input
         self.post_servo = TelegramBlock.copy_output_alive if sign_of_life else TelegramBlock.copy_output
@@ -88,8 +76,8 @@ class TelegramBlock:
         self.sent.update(self.Output)
 
     def copy_output_alive(self) -> None:
-        """Copy `Output` and let the sign of life in STW2 count, which is the task of the program here
-        (CFG-260).
+        """Copy `Output` and let the sign of life in STW2 count, which is the task
+        of the program here (CFG-260).
         """
         self.copy_output()
         for word in ("STW2", "STW2_ENC"):
@@ -105,7 +93,7 @@ class TelegramBlock:
         return tuple(self.Input.values())
 
     def send(self, row: Iterable[int]) -> tuple[int, ...]:
-        """Run `post_servo` over what the axis puts out; return what is sent in this cycle (CFG-253)."""
+        """Run `post_servo` over what the axis outputs; return what is sent in this cycle (CFG-253)."""
         self.Output.update(zip(self.Output, row, strict=True))
         if self.post_servo is not None:
             self.post_servo(self)

@@ -1,5 +1,5 @@
-"""Port to a channel of a pulse module on CANopen: telegram 3 with the deviations of the module (PTO-127 to
-PTO-136).
+"""Port to a channel of a pulse module on CANopen: telegram 3 with the deviations of
+the module (PTO-127 to PTO-136).
 
 * the setpoint has 16 bits (the device), or 32 (the standard variant, to be asked for; PTO-037);
 * no sign of life in either direction;
@@ -63,8 +63,6 @@ def pto_words(
 
 class PulseModuleSteps:
     """Control words step by step: the module has to answer a step before the next one follows (PTO-273)."""
-
-    __slots__ = ("_begun",)
 
     def __init__(self) -> None:
         self._begun = False

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from motion.kernel.feedback import Feedback
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class BacklashSettings:
     """How a backlash is compensated.
 
@@ -45,31 +45,10 @@ class Backlash:
         feedback: The encoder.
         settings: How it is compensated.
         cycle_s: Servo cycle, s.
-        adjusted: An absolute encoder that has been adjusted: it is known which flank was touched then
-            (CFG-568).
+        adjusted: An absolute encoder that has been adjusted: it is known which
+            flank was touched then (CFG-568).
 
     """
-
-    __slots__ = (
-        "_armed",
-        "_base",
-        "_cycle",
-        "_direction",
-        "_first",
-        "_homing_direction",
-        "_last",
-        "_offset",
-        "_rest",
-        "_restarts",
-        "_seen",
-        "_size",
-        "_velocity",
-        "_waits",
-        "enabled",
-        "feedback",
-        "passing",
-        "used",
-    )
 
     def __init__(
         self, feedback: Feedback, settings: BacklashSettings, *, cycle_s: float, adjusted: bool
@@ -92,8 +71,8 @@ class Backlash:
             self._assume_flank()
 
     def _assume_flank(self) -> None:
-        """Take it that the flank is the one that was touched when the absolute encoder was adjusted
-        (CFG-568).
+        """Take it that the flank is the one that was touched when the absolute
+        encoder was adjusted (CFG-568).
         """
         self._armed = True
         self._direction = 1.0 if self._homing_direction.value == 0 else -1.0
@@ -101,8 +80,8 @@ class Backlash:
         self._base = -self._offset
 
     def _begin(self, motor: float) -> None:
-        """Wait until the whole backlash has been passed in one direction: before, nobody knows which flank is
-        touched.
+        """Wait until the whole backlash has been passed in one direction: before,
+        nobody knows which flank is touched.
         """
         self._armed = False
         self._first = self._last = motor

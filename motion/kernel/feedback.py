@@ -48,20 +48,6 @@ class Feedback(ABC):
 
     """
 
-    __slots__ = (
-        "_abs_offset",
-        "_correction",
-        "_offset",
-        "compensation",
-        "last_velocity",
-        "lost_reference",
-        "position",
-        "scale",
-        "source",
-        "state",
-        "velocity",
-    )
-
     def __init__(self, source: EncoderSource, scale: EncoderScale, abs_offset: Cell[float]) -> None:
         self.source = source
         self.scale = scale
@@ -111,8 +97,8 @@ class Feedback(ABC):
         self.shift(offset)
 
     def keep_offset(self) -> None:
-        """Make the present relation of encoder value and position the one that outlasts power-off
-        (`AbsEncoderOffset`).
+        """Make the present relation of encoder value and position the one that
+        outlasts power-off (`AbsEncoderOffset`).
 
         What a backlash compensation adds belongs to it: it holds for the flank that is touched now (CFG-568).
         """
@@ -122,8 +108,8 @@ class Feedback(ABC):
         self._correction = 0.0
 
     def discard_correction(self) -> None:
-        """Take back what `transfer` has corrected at an absolute encoder (MC-389); an incremental one keeps
-        it.
+        """Take back what `transfer` has corrected at an absolute encoder
+        (MC-389); an incremental one keeps it.
         """
         correction, self._correction = self._correction, 0.0
         if correction and self.scale.kind != INCREMENTAL:
@@ -133,9 +119,9 @@ class Feedback(ABC):
 class EncoderFeedback(Feedback):
     """Actual values from the count of an encoder.
 
-    The count is unwrapped to an integer of unlimited length, so that an endless axis does not drift: a
-    position is an offset and the increments since a count that belongs to it, multiplied once (LIM-098,
-    LIM-102).
+    The count is unwrapped to an integer of unlimited length, so that an endless axis does not
+    drift: a position is an offset and the increments since a count that belongs to it,
+    multiplied once (LIM-098, LIM-102).
 
     Args:
         source: Port that brings the count.
@@ -147,20 +133,6 @@ class EncoderFeedback(Feedback):
         powered_off: Whether the controller has been without supply meanwhile.
 
     """
-
-    __slots__ = (
-        "_base",
-        "_count",
-        "_fresh",
-        "_full",
-        "_half",
-        "_increment",
-        "_last_raw",
-        "_rate",
-        "_restarts",
-        "_retained",
-        "_unit_per_rpm",
-    )
 
     def __init__(
         self,
@@ -273,8 +245,8 @@ class EncoderFeedback(Feedback):
     @property
     @override
     def travel(self) -> float:
-        """Way of the encoder since its count began, axis unit: the position without any relation to the
-        machine.
+        """Way of the encoder since its count began, axis unit: the position
+        without any relation to the machine.
         """
         return self._count * self._increment
 
@@ -292,8 +264,8 @@ class EncoderFeedback(Feedback):
     def shift(self, offset: float) -> None:
         """Move the coordinate system so that the position grows by `offset`.
 
-        An incremental encoder counts again from there, so that the way up to now takes no digits any more
-        (LIM-101).
+        An incremental encoder counts again from there, so that the way up to now
+        takes no digits any more (LIM-101).
         """
         self.position += offset
         if self.scale.kind == INCREMENTAL:
@@ -305,16 +277,6 @@ class EncoderFeedback(Feedback):
 
 class _NoSource:
     """Source of an axis without encoder."""
-
-    __slots__ = (
-        "actual_speed_rpm",
-        "encoder_increments",
-        "encoder_restarts",
-        "link_ok",
-        "mark",
-        "sensor_fault",
-        "sign_lost",
-    )
 
     absolute_from_zero = False
 
@@ -328,8 +290,6 @@ class _NoSource:
 
 class _NoFeedback(Feedback):
     """Feedback of an axis without encoder: it stands at 0 and is valid."""
-
-    __slots__ = ()
 
     def __init__(self) -> None:
         scale = EncoderScale(

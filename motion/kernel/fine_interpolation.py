@@ -1,10 +1,10 @@
 """Setpoints of the interpolator for a servo cycle that is shorter (`T_ipo = n * T_servo`).
 
-`MC_Interpolator` calculates where the setpoint is to be one interpolator cycle later; `MC_Servo` goes there
-in n steps: on the
-profile, so that its limits hold in every servo cycle, or on the cubic between both states where there is no
-profile. `<TO>.Position` shows the end of the interval, the position controller gets the points on the way, so
-that the setpoint which is controlled lies up to `T_ipo - T_servo` behind (CFG-166 to CFG-170).
+`MC_Interpolator` calculates where the setpoint is to be one interpolator cycle later; `MC_Servo` goes
+there in n steps: on the profile, so that its limits hold in every servo cycle, or on the cubic between
+both states where there is no profile. `<TO>.Position` shows the end of the interval, the position
+controller gets the points on the way, so that the setpoint which is controlled lies up to `T_ipo -
+T_servo` behind (CFG-166 to CFG-170).
 """
 
 from __future__ import annotations
@@ -24,20 +24,6 @@ class FineInterpolation:
 
     """
 
-    __slots__ = (
-        "_controlled",
-        "_duration",
-        "_from",
-        "_points",
-        "_ratio",
-        "_servo",
-        "_step",
-        "_to",
-        "a",
-        "s",
-        "v",
-    )
-
     def __init__(self, ratio: int, servo_s: float) -> None:
         self._ratio = ratio
         self._servo = servo_s
@@ -46,8 +32,8 @@ class FineInterpolation:
         self._controlled = False
         self._from = self._to = (0.0, 0.0)
         self._points: list[tuple[float, float]] = []
-        """Position and velocity at the ends of the servo cycles, as the profile has them; empty = on the
-        cubic.
+        """Position and velocity at the ends of the servo cycles, as the profile
+        has them; empty = on the cubic.
         """
         self.s = 0.0
         """Position setpoint of the present servo cycle, axis unit."""
@@ -84,8 +70,8 @@ class FineInterpolation:
         return points
 
     def advance(self) -> FineInterpolation:
-        """Go on by one servo cycle; at the end of the interval, because the interpolator is late, stay
-        there.
+        """Go on by one servo cycle; at the end of the interval, because the
+        interpolator is late, stay there.
         """
         ratio = self._ratio
         if self._step < ratio:
@@ -112,8 +98,8 @@ class FineInterpolation:
         return self
 
     def restart(self, position: float, velocity: float) -> float:
-        """Go from `position` with `velocity` for the rest of the interval; returns how far that is, axis
-        unit.
+        """Go from `position` with `velocity` for the rest of the interval;
+        returns how far that is, axis unit.
         """
         done = self._step * self._servo
         rest = self._duration - done if self._step < self._ratio else 0.0

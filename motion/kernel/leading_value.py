@@ -19,9 +19,7 @@ Value = tuple[float, float, float]
 
 
 class _SecondOrder:
-    """Two low-passes of first order in a row, by backward differences; a time of 0 lets pass what comes."""
-
-    __slots__ = ("_first", "output")
+    """Two low-passes of first order in series, by backward differences; a time of 0 passes the input on."""
 
     def __init__(self, value: float) -> None:
         self._first = self.output = value
@@ -33,8 +31,8 @@ class _SecondOrder:
 
 
 def within_band(last: float, value: float, width: float) -> float:
-    """Return `last` while `value` lies within a band of `width` around it, else the value less half the band
-    (SYN-064).
+    """Return `last` while `value` lies within a band of `width` around it, else the
+    value less half the band (SYN-064).
     """
     difference = value - last
     half = 0.5 * width
@@ -43,8 +41,6 @@ def within_band(last: float, value: float, width: float) -> float:
 
 class Hysteresis:
     """Lets a reversal pass when it is as large as the hysteresis (SYN-065)."""
-
-    __slots__ = ("_direction", "output")
 
     def __init__(self, value: float) -> None:
         self.output = value
@@ -59,10 +55,10 @@ class Hysteresis:
         return self.output
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Extrapolation:
-    """How the actual value is extrapolated for followers; the cells in s, position unit per second, position
-    unit.
+    """How the actual value is extrapolated for followers; the cells in s, position
+    unit per second, position unit.
 
     Args:
         system_defined: The time of the leading axis counts as well, and the position filter acts.
@@ -91,7 +87,7 @@ class Extrapolation:
 
 
 class LeadingValue:
-    """See the module.
+    """What following axes get from an object: its delayed setpoint or its extrapolated actual value.
 
     Without filters, band, hysteresis and delay everything follows from the present values and `step` need not
     be called.
@@ -104,25 +100,6 @@ class LeadingValue:
         setpoint: Returns the value that is given to local followers without a delay.
 
     """
-
-    __slots__ = (
-        "_acquisition",
-        "_band",
-        "_cells",
-        "_cycle",
-        "_delay",
-        "_differentiates",
-        "_feedback",
-        "_filter",
-        "_following",
-        "_hysteresis",
-        "_last",
-        "_leading",
-        "_past",
-        "_setpoint",
-        "_velocity",
-        "_velocity_filter",
-    )
 
     def __init__(
         self,
@@ -157,8 +134,8 @@ class LeadingValue:
         self._past: deque[Value] = deque(maxlen=depth)
 
     def in_use(self) -> LeadingValue | None:
-        """Return itself if `step` has to be called in every cycle, else None; to be asked when variables have
-        changed.
+        """Return itself if `step` has to be called in every cycle, else None; to be
+        asked when variables have changed.
         """
         if self._differentiates or self._delay > 0.0 or any(cell.value > 0.0 for cell in self._cells):
             return self
@@ -201,8 +178,8 @@ class LeadingValue:
 
     @property
     def leading_time_s(self) -> float:
-        """`Extrapolation.LeadingAxisDependentTime`: T_i + T_ipo + T1 + T2 of the position filter, s
-        (SYN-052).
+        """`Extrapolation.LeadingAxisDependentTime`: T_i + T_ipo + T1 + T2 of
+        the position filter, s (SYN-052).
         """
         first, second = self._cells[0].value, self._cells[1].value
         return float(self._acquisition + self._cycle + first + second)

@@ -25,7 +25,7 @@ def decimal(value: float) -> Fraction:
     return Fraction(repr(float(value)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class EncoderData:
     """One encoder as it is configured.
 
@@ -63,7 +63,7 @@ class EncoderData:
     unit_mm: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class EncoderScale:
     """What an encoder means to the axis: two of them are equal where positions mean the same with both."""
 
@@ -84,8 +84,8 @@ class EncoderScale:
     reference: float
     """What 100 % of that velocity means, rpm, of a linear encoder m/min."""
     unit_per_rpm: float
-    """Position units per second at 1 rpm (linear motor or encoder: 1 m/min) of the velocity of the
-    telegram.
+    """Position units per second at 1 rpm (linear motor or encoder: 1 m/min)
+    of the velocity of the telegram.
     """
 
     @classmethod
@@ -139,13 +139,13 @@ class EncoderScale:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Mechanics:
     """Ratios of one axis or encoder."""
 
     rpm_per_unit: float
-    """Motor speed in rpm (linear motor: m/min) per velocity unit of the axis, signed by the drive
-    direction.
+    """Motor speed in rpm (linear motor: m/min) per velocity unit of the axis,
+    signed by the drive direction.
     """
     travel: float = 1.0
     """Position units per revolution of the load; 1.0 of an axis without positions."""

@@ -1,8 +1,8 @@
 """Modulo range of a technology object: positions within it, and how often it has been passed (CFG section 6).
 
-Everything inside an axis is calculated with positions that grow without end; the range is what the data
-block, targets and software limits are seen through. So following error and control difference know no border
-(CFG-105).
+Everything inside an axis is calculated with positions that grow without end; the range is what
+the data block, targets and software limits are seen through. So following error and control
+difference know no border (CFG-105).
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ NEGATIVE: Final = 2
 SHORTEST: Final = 3
 
 _ROUNDING: Final = 1e-9
-"""Part of the range by which a calculated position may lie before its upper end and counts as the next lower
-one.
+"""Part of the range by which a calculated position may lie before its upper end
+and counts as the next lower one.
 """
 _EXACT_ROUNDING: Final = Fraction(1, 10**9)
 
@@ -30,8 +30,6 @@ class Modulo:
         start: Where it begins, position unit.
 
     """
-
-    __slots__ = ("_exact_length", "_exact_start", "enabled", "length", "start")
 
     def __init__(self, length: float | None = None, start: float = 0.0) -> None:
         self.enabled = length is not None
@@ -72,8 +70,8 @@ class Modulo:
         return rest - length if rest > 0.5 * length * (1.0 + _ROUNDING) else rest
 
     def target(self, position: float, present: float, direction: int) -> float:
-        """Return the unwrapped target of an absolute positioning to the place `position`, from `present`
-        (MC-255).
+        """Return the unwrapped target of an absolute positioning to the place
+        `position`, from `present` (MC-255).
         """
         if not self.enabled:
             return position
@@ -85,8 +83,8 @@ class Modulo:
         return present + (ahead if direction == POSITIVE or ahead == 0.0 else ahead - self.length)
 
     def homed(self, position: float) -> float:
-        """Return the unwrapped position at a home position found by active or passive homing (CFG-110,
-        CFG-111).
+        """Return the unwrapped position at a home position found by active or
+        passive homing (CFG-110, CFG-111).
         """
         if not self.enabled:
             return position

@@ -31,8 +31,8 @@ class MonitoringReport(Protocol):
         """The following error has reached its warning level; reported in every cycle."""
 
     def not_positioned(self, *, left: bool) -> None:
-        """The axis has not reached its positioning window in time, or `left` it before the dwell time was
-        over.
+        """The axis has not reached its positioning window in time, or `left` it
+        before the dwell time was over.
         """
 
     def end_of_range(self, *, positive: bool, exceeded: bool) -> None:
@@ -42,7 +42,7 @@ class MonitoringReport(Protocol):
         """The axis passes its modulo range in less than a cycle."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class MonitoringLimits:
     """What the monitoring compares with: position unit, position unit per second, s, percent.
 
@@ -75,7 +75,7 @@ class MonitoringLimits:
 
 
 class Monitoring:
-    """See the module; `step` runs once per interpolator cycle.
+    """Following error, positioning and standstill of an axis; `step` runs once per interpolator cycle.
 
     Args:
         servo: The axis.
@@ -85,33 +85,6 @@ class Monitoring:
         cycle_s: Interpolator cycle, s.
 
     """
-
-    __slots__ = (
-        "_cycle",
-        "_dwell",
-        "_enable_fe",
-        "_entered",
-        "_farthest",
-        "_fastest",
-        "_fe_level",
-        "_fe_max",
-        "_fe_min",
-        "_fe_min_velocity",
-        "_max_velocity",
-        "_min_dwell",
-        "_positioned",
-        "_report",
-        "_servo",
-        "_standstill_dwell",
-        "_standstill_time",
-        "_threshold",
-        "_tolerance",
-        "_torque",
-        "_waited",
-        "_watching",
-        "_window",
-        "standstill",
-    )
 
     def __init__(
         self,
@@ -209,8 +182,8 @@ class Monitoring:
                 self._report.not_positioned(left=False)
 
     def _leave_range(self, *, controlled: bool) -> None:
-        """Stop a motion that goes on outwards; a value beyond the rounding of the last step switches the axis
-        off (LIM-103).
+        """Stop a motion that continues outwards; a value beyond the rounding of the last step
+        switches the axis off (LIM-103).
 
         Motion back is possible after the acknowledgement.
         """
@@ -269,8 +242,8 @@ class Monitoring:
             self._watch()
 
     def _watch_following_error(self) -> None:
-        """Compare the following error with what is permitted at this velocity setpoint (MON-040 to
-        MON-042).
+        """Compare the following error with what is permitted at this velocity
+        setpoint (MON-040 to MON-042).
         """
         servo = self._servo
         error = abs(servo.controller.following_error)

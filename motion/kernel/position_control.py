@@ -1,5 +1,5 @@
-"""Position controller of the axis, in the application cycle (CTL-037 to CTL-044), and the following error
-(MON-030).
+"""Position controller of the axis, in the application cycle (CTL-037 to CTL-044), and
+the following error (MON-030).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _WHOLE: Final = 1e-9
 
 
 _FADED: Final = 1e-9
-"""Rest of a step, axis unit, that is none any more."""
+"""Rest of a step, axis unit, below which nothing is left."""
 
 LONGEST_DELAY: Final = 16384
 """Servo cycles that a setpoint is kept; an additional delay beyond that acts with these."""
@@ -35,24 +35,13 @@ def _cycles(delay: float) -> tuple[int, float]:
 
 
 class PositionControl(ABC):
-    """The place of position control in the pipeline: it gets the setpoint of a servo cycle and returns a
-    velocity.
+    """The place of position control in the pipeline: it gets the setpoint of a
+    servo cycle and returns a velocity.
 
     Args:
         dynamic_filter: What the setpoints pass before; None = nothing.
 
     """
-
-    __slots__ = (
-        "balanced_position",
-        "control_difference",
-        "filter",
-        "following_error",
-        "gain",
-        "given",
-        "precontrol",
-        "quantum",
-    )
 
     def __init__(self, dynamic_filter: DynamicFilter | None) -> None:
         self.filter = dynamic_filter
@@ -68,14 +57,13 @@ class PositionControl(ABC):
         self.precontrol = 0.0
         """Precontrol velocity of the last step, position unit per second."""
         self.quantum = 0.0
-        """Step to whose whole multiples the control difference is rounded towards zero, position unit; 0 =
-        it is
-        not (`PositionControl.ControlDifferenceQuantization`, CFG-383). Another encoder may have another one
-        (CFG-384).
+        """Step to whose whole multiples the control difference is rounded towards zero, position
+        unit; 0 = it is not (`PositionControl.ControlDifferenceQuantization`, CFG-383). Another
+        encoder may have another one (CFG-384).
         """
         self.given = False
-        """For the next step: the velocity is not the derivative of the position, both come from outside
-        (MIN-022).
+        """For the next step: the velocity is not the derivative of the position,
+        both come from outside (MIN-022).
         """
 
     @property
@@ -93,8 +81,8 @@ class PositionControl(ABC):
 
     @abstractmethod
     def absorb(self, step: float) -> None:
-        """Let a step of the actual value, from a switch of encoders, reach the output with a time constant
-        (CFG-329).
+        """Let a step of the actual value, from a switch of encoders, reach the output
+        with a time constant (CFG-329).
         """
 
     @abstractmethod
@@ -114,8 +102,8 @@ class PositionController(PositionControl):
     linearly interpolated rest (MON-032). A controller in the drive closes the loop around what it has
     measured since, so that for it `e = x_b - s_act` (CTL-030).
 
-    The following error is `delay(s_set, T + T_additional) - s_act`, wherever the controller is (MON-030,
-    MON-033).
+    The following error is `delay(s_set, T + T_additional) - s_act`, wherever the
+    controller is (MON-030, MON-033).
 
     Args:
         kv: Cell of `PositionControl.Kv`, 1/s.
@@ -129,29 +117,6 @@ class PositionController(PositionControl):
         in_drive: The drive closes the loop (DSC): the control difference is what it gets as XERR.
 
     """
-
-    __slots__ = (
-        "_additional_delay",
-        "_balanced",
-        "_balanced_history",
-        "_cycle",
-        "_decay",
-        "_delay_s",
-        "_error_additional",
-        "_error_cycles",
-        "_error_rest",
-        "_in_drive",
-        "_kpc",
-        "_kv",
-        "_last_constant",
-        "_loop_cycles",
-        "_loop_rest",
-        "_setpoint_history",
-        "_smoothing",
-        "_step",
-        "_step_decay",
-        "_time_constant",
-    )
 
     def __init__(
         self,
@@ -292,7 +257,7 @@ class PositionController(PositionControl):
         difference = (balanced if self._in_drive else delayed) - actual
         kv: float = self._kv.value
         if kv != self.gain and self._smoothing is not None and self.gain > 0.0 < kv:
-            # The output goes on as with the former gain, and then over to the new one (CTL-007). What the
+            # The output continues as with the former gain, and then over to the new one (CTL-007). What the
             # drive has to correct is without the way of the transport, too.
             self.absorb((self.gain / kv - 1.0) * (delayed - actual) + self._step * self.gain / kv)
         elif self._step:

@@ -58,8 +58,8 @@ class ServoAxis:
         encoder_ports: Where the values of the encoders come from, in their order; empty without positions.
         cycle_s: Servo cycle, s.
         ratio: Servo cycles in an interpolator cycle, 1 or more.
-        rest: Velocity up to which the axis counts as standing, position unit per second; None without
-            positions.
+        rest: Velocity up to which the axis counts as standing, position unit per
+            second; None without positions.
 
     """
 
@@ -95,7 +95,7 @@ class ServoAxis:
         self.delay_s = 2.0 * cycle_s
         """Time from a setpoint to the actual value that it makes, without the lag of the drive, s."""
         self.max_speed = 0.0
-        """Highest speed that is put out, rpm; of a linear motor m/min."""
+        """Highest output speed, rpm; of a linear motor m/min."""
         # -- actual values
         self.sensors: tuple[Feedback, ...] = ()
         """All encoders, in the order of the object."""
@@ -203,7 +203,7 @@ class ServoAxis:
             self.homed = False
 
     def close_loop(self, s: float, v: float) -> float:
-        """Control the position to the setpoint `s`, `v`; returns the velocity to be put out."""
+        """Control the position to the setpoint `s`, `v`; returns the velocity to output."""
         controller = self.controller
         output = controller.step(s, v, self.feedback.position)
         if self.in_drive:
@@ -215,7 +215,7 @@ class ServoAxis:
         return output
 
     def limit_speed(self, velocity: float) -> bool:
-        """Make `velocity` the speed that is put out; returns whether the highest speed limits it."""
+        """Output `velocity`; returns whether the highest speed limits it."""
         speed = velocity * self.mechanics.rpm_per_unit
         limit = self.max_speed
         limited = False

@@ -1,5 +1,5 @@
-"""The dynamic filter behind the interpolator: low-pass or moving average, and dead time (§5.13.6, CTL-060 to
-CTL-083).
+"""The dynamic filter behind the interpolator: low-pass or moving average, and dead time
+(§5.13.6, CTL-060 to CTL-083).
 """
 
 from __future__ import annotations
@@ -33,8 +33,6 @@ class _Stage(Protocol):
 class _Lag:
     """Low-pass of first order, exact for an input that changes linearly within a cycle (CTL-073, CTL-074)."""
 
-    __slots__ = ("_cycle", "_decay", "_input", "_output", "delay_s")
-
     def __init__(self, cycle_s: float) -> None:
         self._cycle = cycle_s
         self._input = self._output = self._decay = self.delay_s = 0.0
@@ -63,8 +61,6 @@ class _Lag:
 class _History:
     """Base of the elements that look at past values."""
 
-    __slots__ = ("_cycle", "_past", "_rest", "_whole", "delay_s")
-
     def __init__(self, cycle_s: float) -> None:
         self._cycle = cycle_s
         self._past: deque[float] = deque([0.0] * _DEPTH, maxlen=_DEPTH)
@@ -92,11 +88,9 @@ class _History:
 
 
 class _Average(_History):
-    """Moving average over a time, both ends included; the last value counts by the rest of a cycle
-    (CTL-075).
+    """Moving average over a time, both ends included; the last value counts by
+    the rest of a cycle (CTL-075).
     """
-
-    __slots__ = ()
 
     def _delay_cycles(self) -> float:
         # The centre of the weights; with whole cycles half the window.
@@ -117,8 +111,6 @@ class _Average(_History):
 
 class _DeadTime(_History):
     """Delay by a time; between two cycles the value is interpolated (MON-032)."""
-
-    __slots__ = ()
 
     def _delay_cycles(self) -> float:
         return self._whole + self._rest
@@ -141,11 +133,6 @@ class DynamicFilter:
         cycle_s: Servo cycle, s.
 
     """
-
-    __slots__ = (
-        "_cells", "_cycle", "_lead", "_position", "_set", "_velocity", "acceleration", "delay_s", "position",
-        "smooths", "velocity",
-    )  # fmt: skip
 
     def __init__(
         self,

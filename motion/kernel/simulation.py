@@ -34,7 +34,7 @@ _OPERATING: Final = int(_READY | ZSW1.READY | ZSW1.OPERATION_ENABLED)
 
 
 class SimulatedPort(DrivePort):
-    """In place of the drive: always there, and in operation as soon as it is told to (CFG-132, CFG-164)."""
+    """In place of the drive: always there, and in operation as soon as it is commanded (CFG-132, CFG-164)."""
 
     __slots__ = ("_cycle", "_operating", "_unit_per_rpm", "controlled", "feedbacks")
 
@@ -87,8 +87,6 @@ class SimulatedFeedback(Feedback):
         before: The same encoder before a restart; None after power-on.
 
     """
-
-    __slots__ = ("_next_position", "_next_velocity")
 
     def __init__(
         self, source: SimulatedPort, scale: EncoderScale, abs_offset: Cell[float], before: Feedback | None
@@ -148,8 +146,6 @@ class VirtualControl(PositionControl):
 
     """
 
-    __slots__ = ("_feedbacks", "_port")
-
     def __init__(self, port: SimulatedPort, dynamic_filter: DynamicFilter | None = None) -> None:
         super().__init__(dynamic_filter)
         self._port = port
@@ -192,8 +188,8 @@ class VirtualControl(PositionControl):
 
 
 class SimulatedControl(PositionControl):
-    """Delays the setpoints as loop and drive would (CFG-166 to CFG-171): dead time, then a lag of first
-    order.
+    """Delays the setpoints as loop and drive would (CFG-166 to CFG-171): dead
+    time, then a lag of first order.
 
     Args:
         port: Port of the axis.
@@ -206,19 +202,6 @@ class SimulatedControl(PositionControl):
         dynamic_filter: What the setpoints pass before; None = nothing.
 
     """
-
-    __slots__ = (
-        "_additional",
-        "_cycle",
-        "_feedbacks",
-        "_in_drive",
-        "_kpc",
-        "_kv",
-        "_lagged",
-        "_past",
-        "_port",
-        "_time_constant",
-    )
 
     def __init__(
         self,

@@ -1,7 +1,7 @@
 """Superimposed motion: a second, relative setpoint on top of the basic one (section 2.9 and 2.10 of the
 instruction specification).
 
-The axis follows the sum. The basic motion goes on as if it were alone; what the superimposed motion has
+The axis follows the sum. The basic motion continues as if it were alone; what the superimposed motion has
 covered belongs to it once that has ended, so that target and setpoint of the basic motion are then moved by
 this distance.
 """
@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 _CHANGE: Final = 1e-3
-"""Share of the velocity limit by which the velocity left for the superimposed motion has to change before it
-is
-planned again.
+"""Share of the velocity limit by which the velocity left for the superimposed motion has to
+change before it is planned again.
 """
 
 
@@ -44,8 +43,8 @@ class Superposition(Setpoint):
     Args:
         basic: Setpoint of the basic motion.
         velocity_limit: Returns the highest velocity of the sum, axis unit per second.
-        basic_velocity: Returns the velocity to which the basic motion accelerates, axis unit per second,
-            signed.
+        basic_velocity: Returns the velocity to which the basic motion
+            accelerates, axis unit per second, signed.
 
     """
 
@@ -87,8 +86,8 @@ class Superposition(Setpoint):
 
     @property
     def ended(self) -> bool:
-        """Whether the superimposed motion has arrived and stands; not while it waits until velocity is
-        left.
+        """Whether the superimposed motion has arrived and stands; not while
+        it waits until velocity is left.
         """
         return self.part.done and not self.given and (self._braking or self.part.positioning)
 
@@ -111,8 +110,8 @@ class Superposition(Setpoint):
         self.part.start_stop(deceleration, jerk, abort_acceleration=motion.abort_acceleration)
 
     def give(self, motion: RelativeMotion) -> None:
-        """Take distance, velocity and acceleration from `job` with every cycle; the distance counts from here
-        (MIN-033).
+        """Take distance, velocity and acceleration from `job` with every cycle; the
+        distance counts from here (MIN-033).
         """
         self._motion = motion
         self._braking = False
@@ -184,8 +183,8 @@ class Superposition(Setpoint):
         return 0.0 if self._braking or self.given else self._target - self.part.s
 
     def _velocity_left(self) -> float:
-        """Return what the basic motion leaves of the velocity limit in the direction of the superimposed one
-        (MC-352).
+        """Return what the basic motion leaves of the velocity limit in the direction of
+        the superimposed one (MC-352).
         """
         direction = copysign(1.0, self._target - self.part.s)
         basic = self._basic

@@ -36,7 +36,7 @@ E = TypeVar("E", bound=CyclicEncoder)
 
 
 class Task(Generic[A, E]):
-    """See the module.
+    """The cyclic task: calls every encoder and axis, then the program.
 
     Args:
         scheduler: Time.

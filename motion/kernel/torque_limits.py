@@ -1,4 +1,4 @@
-"""Torque limits that are in force on an axis, and what they mean for its monitoring (STP-144, MC-553)."""
+"""Torque limits that are in effect on an axis, and what they mean for its monitoring (STP-144, MC-553)."""
 
 from __future__ import annotations
 
@@ -12,11 +12,9 @@ class TorqueLimits:
     """State of torque limiting, torque range and fixed stop of one axis.
 
     Args:
-        monitored: Not 0: position-related monitoring goes on while the torque is limited.
+        monitored: Not 0: position-related monitoring continues while the torque is limited.
 
     """
-
-    __slots__ = ("_monitored", "clamped", "detects", "direction", "limit_nm", "limiting", "range_nm")
 
     def __init__(self, monitored: Cell[int]) -> None:
         self._monitored = monitored
@@ -25,7 +23,7 @@ class TorqueLimits:
     def begin(self) -> None:
         """Begin without any limit."""
         self.range_nm: tuple[float, float] | None = None
-        """Upper and lower limit of a torque range in force, Nm; None = there is none."""
+        """Upper and lower limit of a torque range in effect, Nm; None = there is none."""
         self.limiting = False
         """Torque limiting is active."""
         self.limit_nm: float | None = None

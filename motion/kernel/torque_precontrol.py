@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 
 
 class TorquePrecontrol:
-    """See the module. Inertias and scale may change while the axis moves (CFG-575 to CFG-577).
+    """Torque for the acceleration setpoint.
+
+    Inertias and scale may change while the axis moves (CFG-575 to CFG-577).
 
     Args:
         scale: Share of the calculated torque that is sent, percent.
@@ -22,8 +24,6 @@ class TorquePrecontrol:
         per_load: The same per unit of `load`.
 
     """
-
-    __slots__ = ("_load", "_motor", "_per_load", "_per_motor", "_scale")
 
     def __init__(
         self,
@@ -41,8 +41,8 @@ class TorquePrecontrol:
         self._per_load = per_load
 
     def torque(self, acceleration: float) -> float:
-        """Return the torque, Nm, of a linear motor the force, N, for an acceleration setpoint, position
-        unit/s².
+        """Return the torque, Nm, of a linear motor the force, N, for an
+        acceleration setpoint, position unit/s².
         """
         inertia = self._motor.value * self._per_motor + self._load.value * self._per_load
         return self._scale.value * 0.01 * inertia * acceleration

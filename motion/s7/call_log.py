@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from motion.s7.instructions import Instruction
@@ -39,7 +39,7 @@ class Call:
     number: int
     cycle: int
     time_ns: int
-    outputs: dict[str, Any]
+    outputs: dict[str, float]
 
     @property
     def true(self) -> frozenset[str]:

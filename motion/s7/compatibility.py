@@ -19,7 +19,7 @@ TECHNOLOGY_ONLY: Final = frozenset({
 """Instructions of the technology processors alone (CFG-062)."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class CompatibilityLevel:
     """One kind of controller.
 

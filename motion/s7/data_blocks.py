@@ -1,5 +1,5 @@
-"""Global data blocks of the user program that technology objects read by address (LIM-069 to LIM-072,
-VAR-023).
+"""Global data blocks of the user program that technology objects read by address
+(LIM-069 to LIM-072, VAR-023).
 
 An object that looks at a single bit, such as a hardware limit switch, gets its address as a structure
 `VREF`: `RID`, `Area`, `DbNumber` and `Offset` in bits. That needs a block with standard access (not
@@ -67,8 +67,6 @@ class GlobalDataBlock:
 
     """
 
-    __slots__ = ("data", "number", "optimized")
-
     def __init__(self, number: int, size: int, *, optimized: bool = False) -> None:
         if not 1 <= number <= LARGEST_NUMBER:
             raise ConfigurationError("data block: number", number, f"1 to {LARGEST_NUMBER}")
@@ -99,8 +97,6 @@ class GlobalDataBlock:
 
 class DataBlocks:
     """The global data blocks of a controller: `blocks.add(7, 16)`, `blocks[7].set_bit(4, 0, True)`."""
-
-    __slots__ = ("_blocks",)
 
     def __init__(self) -> None:
         self._blocks: dict[int, GlobalDataBlock] = {}

@@ -7,7 +7,8 @@ Words are taken from one snapshot of the object, so that bits of one page belong
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from textwrap import wrap
+from typing import TYPE_CHECKING, Final
 
 from fieldbus.profidrive.telegrams import describe_value
 
@@ -103,6 +104,12 @@ _POSITION_VALUES: Final[tuple[Row, ...]] = (
     ("actual velocity", "ActualVelocity"),
     ("following error", "StatusPositioning.FollowingError"),
 )
+_MEANINGS: Final[dict[str, dict[float, str]]] = {
+    "encoder values valid": {0: "not valid", 1: "waiting for valid values", 2: "valid"},
+    "encoder homed": {0: "no", 1: "yes"},
+}
+"""What the numbers of an indication mean (VAR-107)."""
+_WIDTH: Final = 110
 _WORDS: Final = ("StatusWord", "StatusWord2", "ErrorWord", "WarningWord")
 
 ENCODER_PAGES: Final[dict[str, tuple[Row, ...]]] = {
@@ -136,8 +143,8 @@ ENCODER_PAGES: Final[dict[str, tuple[Row, ...]]] = {
 
 
 def pages(*, has_position: bool) -> dict[str, tuple[Row, ...]]:
-    """Return the pages of a positioning or a speed axis: title and rows (DIA-001 to DIA-071, DIA-089 to
-    DIA-099).
+    """Return the pages of a positioning or a speed axis: title and rows (DIA-001
+    to DIA-071, DIA-089 to DIA-099).
     """
     if not has_position:
         return {
@@ -157,7 +164,7 @@ def pages(*, has_position: bool) -> dict[str, tuple[Row, ...]]:
     }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Diagnosis:
     """A snapshot of one axis or external encoder.
 
@@ -171,6 +178,7 @@ class Diagnosis:
         job: Instruction and name of the job in control; None without one.
         telegram: Words of the drive's telegram by signal name, last sent and last received; those of an
             encoder with a telegram of its own follow, behind `Sensor[n].` on an axis (DIA-100 to DIA-102).
+        units: Units of the indications that are values with a unit.
 
     """
 
@@ -178,12 +186,13 @@ class Diagnosis:
     kind: str
     state: str
     words: dict[str, int]
-    pages: dict[str, dict[str, Any]]
-    alarms: tuple[dict[str, Any], ...]
+    pages: dict[str, dict[str, float]]
+    alarms: tuple[dict[str, int | str], ...]
     job: str | None
     telegram: dict[str, int]
+    units: dict[str, str]
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Return everything in types that JSON knows."""
         return {
             "axis": self.axis,
@@ -192,31 +201,41 @@ class Diagnosis:
             "job": self.job,
             "words": {name: f"16#{value:08X}" for name, value in self.words.items()},
             **self.pages,
+            "units": self.units,
             "alarms": list(self.alarms),
             "telegram": {name: _described(name, value) for name, value in self.telegram.items()},
         }
 
     def text(self) -> str:
-        """Return the pages as lines for a person; bits that are set have a cross."""
+        """Return the pages as lines for a person: alarms first, then of every page what is set, the values
+        with their units, and the names of what is not set.
+        """
         lines = [f"{self.axis}  {self.kind}  {self.state}" + (f"  {self.job}" if self.job else "")]
-        for title, rows in self.pages.items():
-            lines += ["", title]
-            lines += [_line(name, value) for name, value in rows.items()]
         lines += ["", "alarms"]
         lines += [
             f"  {alarm['number']}  reaction {alarm['reaction']}  {alarm['text']}" for alarm in self.alarms
         ] or ["  none"]
+        for title, rows in self.pages.items():
+            lines += ["", title, *self._page(rows)]
         lines += ["", "telegram"]
         width = max(map(len, self.telegram), default=0) + 2
         lines += [f"  {name:<{width}}{_described(name, value)}" for name, value in self.telegram.items()]
         return "\n".join(lines)
 
+    def _page(self, rows: dict[str, float]) -> list[str]:
+        lines = [f"  [x] {name}" for name, value in rows.items() if value is True]
+        for name, value in rows.items():
+            if not isinstance(value, bool):
+                lines.append(f"      {name}: {self._shown(name, value)}")
+        unset = [name for name, value in rows.items() if value is False]
+        if unset:
+            lines += wrap(", ".join(unset), _WIDTH, initial_indent="  not set: ", subsequent_indent="    ")
+        return lines
 
-def _line(name: str, value: Any) -> str:
-    if isinstance(value, bool):
-        return f"  [{'x' if value else ' '}] {name}"
-    shown = f"{value:g}" if isinstance(value, float) else value
-    return f"      {name}: {shown}"
+    def _shown(self, name: str, value: float) -> str:
+        meaning = _MEANINGS.get(name, {}).get(value)
+        shown = f"{value:g}" if isinstance(value, float) else str(value)
+        return f"{shown} ({meaning})" if meaning else f"{shown} {self.units.get(name, '')}".rstrip()
 
 
 def _described(name: str, value: int) -> str:
@@ -238,7 +257,7 @@ def _snapshot(
     )
     words = {name: int(one.var(name)) for name in names}
 
-    def value(variable: str) -> Any:
+    def value(variable: str) -> float:
         word, _, bit = variable.lstrip("!").partition(".X")
         if word in words and bit.isdigit():
             return bool(words[word] >> int(bit) & 1) is not variable.startswith("!")
@@ -258,6 +277,12 @@ def _snapshot(
         ),
         job=job,
         telegram=telegram,
+        units={
+            name: unit
+            for rows in pages_shown.values()
+            for name, variable in rows
+            if ".X" not in variable and (unit := one.variables.unit(variable))
+        },
     )
 
 

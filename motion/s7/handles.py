@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 
+from motion.s7.axis import ExternalEncoder, TechnologyAxis
 from motion.s7.commissioning import ControlPanel
 from motion.s7.data_blocks import BitAddress
 from motion.s7.diagnostics import Diagnosis, diagnose, diagnose_encoder
@@ -33,32 +34,80 @@ from motion.s7.instructions import (
 from motion.s7.start_interlock import StartInterlock
 
 if TYPE_CHECKING:
-    from motion.s7.axis import ExternalEncoder, TechnologyAxis
     from motion.s7.axis.alarms import AxisAlarms
     from motion.s7.axis.state import AxisState
+    from motion.s7.axis.technology_object import TechnologyObject
     from motion.s7.runtime import Runtime
     from motion.s7.variables import VariableStore
 
 _T = TypeVar("_T", bound=Instruction)
+_Object = TypeVar("_Object", bound=TechnologyAxis | ExternalEncoder)
+_INSTEAD: Final = {
+    "enable": "power()",
+    "disable": "power.set(Enable=False) of the instance power = axis.power()",
+    "acknowledge": "reset()",
+    "ack": "reset()",
+    "move": "move_absolute(), move_relative() or move_velocity()",
+    "read": 'var("ActualPosition")',
+    "set": 'write("Override.Velocity", 50.0)',
+}
+"""What is meant by names that an axis does not have."""
 
 
-class AxisHandle:
-    """An axis with the instructions as methods, for straight-line test code.
+def _attribute(handle: object, technology_object: TechnologyObject, name: str) -> Any:
+    """Return an attribute of a technology object for its handle.
 
-    Every method makes an instance, hands it to the runtime, which calls it from the next application cycle
-    on, and returns it: `job = axis.move_absolute(100.0); bench.run_until(job.done, timeout=2.0)`. All inputs
-    of the instruction may be given by their own names: `axis.move_velocity(50.0, Jerk=0.0)`. Every other
-    attribute is that of the technology object (`object`).
+    Raises:
+        AttributeError: Neither has it; the message names similar ones.
+
     """
+    try:
+        return getattr(technology_object, name)
+    except AttributeError:
+        # What the object has, but cannot tell now, is not misspelt.
+        if name.startswith("_") or hasattr(type(technology_object), name):
+            raise
+        from difflib import get_close_matches
 
-    def __init__(self, runtime: Runtime, axis: TechnologyAxis) -> None:
+        near = get_close_matches(name, [one for one in dir(handle) if one[0] != "_"], n=3)
+        near = near or get_close_matches(name, [one for one in dir(technology_object) if one[0] != "_"], n=3)
+        similar = f"; similar: {', '.join(near)}" if near else ""
+        similar = f"; use {_INSTEAD[name]}" if name in _INSTEAD else similar
+        raise AttributeError(
+            f"{technology_object.name} has no {name!r}{similar}", name=name, obj=handle
+        ) from None
+
+
+def summary(technology_object: TechnologyObject) -> str:
+    """Return an object, its state and its pending alarms in words."""
+    words = [f"{technology_object.name} {technology_object.state.name}"]
+    if technology_object.has_position:
+        unit = technology_object.variables.unit("Position")
+        words[0] += f" at {technology_object.var('ActualPosition'):.6g} {unit}".rstrip()
+        if not technology_object.var("StatusWord.X5"):
+            words.append("not homed")
+    pending = [f"alarm {alarm.number}" for alarm in technology_object.engine.pending]
+    return ", ".join(words + pending)
+
+
+class _Handle(Generic[_Object]):
+    """What handles of axes and of encoders have in common."""
+
+    def __init__(self, runtime: Runtime, technology_object: _Object) -> None:
         self._runtime = runtime
-        self.object = axis
-        self._power: MC_Power | None = None
-        self._interlock: StartInterlock | None = None
+        self.object = technology_object
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self.object, name)
+        return _attribute(self, self.object, name)
+
+    def __repr__(self) -> str:
+        return f"<{self.summary()} ({self._runtime.scheduler.now * 1e-9:.3f} s)>"
+
+    def summary(self) -> str:
+        """Return the object, its state and its pending alarms: `z ALARM_DISABLED at
+        12.5 mm, not homed, alarm 521`.
+        """
+        return summary(self.object)
 
     @property
     def name(self) -> str:
@@ -70,7 +119,7 @@ class AxisHandle:
         """Variables of the technology data block."""
         return self.object.variables
 
-    def var(self, path: str) -> Any:
+    def var(self, path: str) -> float:
         """Return a variable of the technology data block by its original path; bits as `StatusWord.X7`.
 
         Raises:
@@ -79,7 +128,7 @@ class AxisHandle:
         """
         return self.object.var(path)
 
-    def write(self, path: str, value: Any) -> None:
+    def write(self, path: str, value: float) -> None:
         """Assign a variable as the user program does; the access class decides when it takes effect.
 
         Raises:
@@ -92,6 +141,26 @@ class AxisHandle:
     def homed(self) -> bool:
         """Whether the object is homed."""
         return self.object.homed
+
+    def run(self, instance: _T) -> _T:
+        """Hand an instance of your own to the runtime."""
+        self._runtime.call(instance)
+        return instance
+
+
+class AxisHandle(_Handle[TechnologyAxis]):
+    """An axis with the instructions as methods, for straight-line test code.
+
+    Every method makes an instance, hands it to the runtime, which calls it from the next application cycle
+    on, and returns it: `job = axis.move_absolute(100.0); bench.run_until(job.done, timeout=2.0)`. All inputs
+    of the instruction may be given by their own names: `axis.move_velocity(50.0, Jerk=0.0)`. Every other
+    attribute is that of the technology object (`object`).
+    """
+
+    def __init__(self, runtime: Runtime, axis: TechnologyAxis) -> None:
+        super().__init__(runtime, axis)
+        self._power: MC_Power | None = None
+        self._interlock: StartInterlock | None = None
 
     @property
     def state(self) -> AxisState:
@@ -129,11 +198,6 @@ class AxisHandle:
         if alive:
             panel.keep_alive(monitoring_s / 5)
         return panel
-
-    def run(self, instance: _T) -> _T:
-        """Hand an instance of your own to the runtime."""
-        self._runtime.call(instance)
-        return instance
 
     @property
     def power_instance(self) -> MC_Power:
@@ -177,15 +241,15 @@ class AxisHandle:
             MC_SetSensor(self.object, Execute=True, Sensor=sensor, Mode=mode, ReferenceSensor=reference)
         )
 
-    def write_parameter(self, number: int, value: Any) -> MC_WriteParameter:
+    def write_parameter(self, number: int, value: float) -> MC_WriteParameter:
         """Start `MC_WriteParameter`."""
         return self.run(MC_WriteParameter(self.object, Execute=True, ParameterNumber=number, Value=value))
 
     def set_limit_variables(
         self, negative: BitAddress | None = None, positive: BitAddress | None = None
     ) -> None:
-        """Let bits of a data block be the hardware limit switches, from the next restart of the object on
-        (LIM-071).
+        """Let bits of a data block be the hardware limit switches, from the next
+        restart of the object on (LIM-071).
 
         The eight parts of both addresses are written in load memory; the monitoring has to be off there, and
         is switched on by `write_parameter(1000, True)` (LIM-070).
@@ -230,20 +294,20 @@ class AxisHandle:
         return self.run(MC_HaltSuperimposed(self.object, Execute=True, **inputs))
 
     def motion_in_velocity(self, velocity: float, **inputs: Any) -> MC_MotionInVelocity:
-        """Start `MC_MotionInVelocity` with `velocity`, axis unit per second; go on with
-        `instance.set(Velocity=...)`.
+        """Start `MC_MotionInVelocity` with `velocity`, axis unit per second; go
+        on with `instance.set(Velocity=...)`.
         """
         return self.run(MC_MotionInVelocity(self.object, Enable=True, Velocity=velocity, **inputs))
 
     def motion_in_position(self, position: float, **inputs: Any) -> MC_MotionInPosition:
-        """Start `MC_MotionInPosition` with `position`, axis unit; go on with `instance.set(Position=...,
-        Velocity=...)`.
+        """Start `MC_MotionInPosition` with `position`, axis unit; continue
+        with `instance.set(Position=..., Velocity=...)`.
         """
         return self.run(MC_MotionInPosition(self.object, Enable=True, Position=position, **inputs))
 
     def motion_in_superimposed(self, distance: float, **inputs: Any) -> MC_MotionInSuperimposed:
-        """Start `MC_MotionInSuperimposed` with `distance`, axis unit; go on with `instance.set(Distance=...,
-        VelocityDiff=...)`.
+        """Start `MC_MotionInSuperimposed` with `distance`, axis unit; continue
+        with `instance.set(Distance=..., VelocityDiff=...)`.
         """
         return self.run(MC_MotionInSuperimposed(self.object, Enable=True, Distance=distance, **inputs))
 
@@ -272,54 +336,12 @@ class AxisHandle:
         return self.run(MC_Stop(self.object, Execute=True, Mode=mode, **inputs))
 
 
-class EncoderHandle:
+class EncoderHandle(_Handle[ExternalEncoder]):
     """An external encoder with the instructions that it knows as methods; see `AxisHandle`."""
 
     def __init__(self, runtime: Runtime, encoder: ExternalEncoder) -> None:
-        self._runtime = runtime
-        self.object = encoder
+        super().__init__(runtime, encoder)
         self._power: MC_Power | None = None
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.object, name)
-
-    @property
-    def name(self) -> str:
-        """Name of the technology object."""
-        return self.object.name
-
-    @property
-    def variables(self) -> VariableStore:
-        """Variables of the technology data block."""
-        return self.object.variables
-
-    def var(self, path: str) -> Any:
-        """Return a variable of the technology data block by its original path; bits as `StatusWord.X7`.
-
-        Raises:
-            ConfigurationError: There is no such variable on this object type.
-
-        """
-        return self.object.var(path)
-
-    def write(self, path: str, value: Any) -> None:
-        """Assign a variable as the user program does; the access class decides when it takes effect.
-
-        Raises:
-            ConfigurationError: There is no such variable, or it cannot be written.
-
-        """
-        self.object.write(path, value)
-
-    @property
-    def homed(self) -> bool:
-        """Whether the object is homed."""
-        return self.object.homed
-
-    def run(self, instance: _T) -> _T:
-        """Hand an instance of your own to the runtime."""
-        self._runtime.call(instance)
-        return instance
 
     def diagnosis(self) -> Diagnosis:
         """Return what the object says about itself now: `print(encoder.diagnosis().text())`."""
@@ -341,7 +363,7 @@ class EncoderHandle:
         """Start `MC_Home`."""
         return self.run(MC_Home(self.object, Execute=True, Position=position, Mode=mode, Sensor=sensor))
 
-    def write_parameter(self, number: int, value: Any) -> MC_WriteParameter:
+    def write_parameter(self, number: int, value: float) -> MC_WriteParameter:
         """Start `MC_WriteParameter`."""
         external: Any = self.object
         return self.run(MC_WriteParameter(external, Execute=True, ParameterNumber=number, Value=value))

@@ -10,13 +10,13 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final, TypedDict
 
 from motion.kernel.mechanics import INCREMENTAL
 from motion.s7.axis.jobs import ERROR_CARD_FULL, ERROR_CARD_PROTECTED, ERROR_CARD_WRITE
 
 if TYPE_CHECKING:
-    from fieldbus.history import History
+    from fieldbus.history import History, Scalar
     from motion.s7.axis import TechnologyAxis
     from motion.s7.axis.external_encoder import ExternalEncoder
 
@@ -53,8 +53,8 @@ class MemoryCard:
         return self.folder / FOLDER / FILE
 
     def save(self, objects: Sequence[TechnologyAxis | ExternalEncoder]) -> int:
-        """Write the adjustment of all absolute encoders; returns 0, or the ErrorID of what went wrong
-        (HOM-204).
+        """Write the adjustment of all absolute encoders; returns 0, or the
+        ErrorID of what went wrong (HOM-204).
         """
         content = _content(objects)
         text = json.dumps({"sha256": _checksum(content), **content}, indent=1, sort_keys=True)
@@ -74,9 +74,9 @@ class MemoryCard:
     def restore(self, objects: Sequence[TechnologyAxis | ExternalEncoder]) -> bool:
         """Give the adjustments back to a controller that has none; says whether it has happened.
 
-        Nothing is restored, and an entry of the log says why, if the data are damaged or belong to other
-        objects or encoders (HOM-159, HOM-162). Afterwards the file is renamed and cannot be used again
-        (HOM-160).
+        Nothing is restored, and an entry of the log says why, if the data are damaged or belong
+        to other objects or encoders (HOM-159, HOM-162). Afterwards the file is renamed and
+        cannot be used again (HOM-160).
         """
         try:
             text = self.file.read_text(encoding="utf-8")
@@ -86,10 +86,10 @@ class MemoryCard:
             return self._refuse(f"{FILE} cannot be read: {error}")
         try:
             saved = json.loads(text)
-            claimed = saved.pop("sha256")
+            expected = saved.pop("sha256")
         except (ValueError, KeyError, AttributeError, TypeError):
             return self._refuse(f"{FILE} is damaged")
-        if claimed != _checksum(saved):
+        if expected != _checksum(saved):
             return self._refuse(f"{FILE} is damaged: its checksum is wrong")
         reason = _difference(saved, _content(objects))
         if reason:
@@ -109,39 +109,61 @@ class MemoryCard:
         self._tell("controller.encoder_data_refused", reason=reason)
         return False
 
-    def _tell(self, kind: str, **facts: Any) -> None:
+    def _tell(self, kind: str, **facts: Scalar) -> None:
         if self._history is not None:
             self._history.emit("controller", kind, **facts)
 
 
-def _content(objects: Sequence[TechnologyAxis | ExternalEncoder]) -> dict[str, Any]:
+class _Adjustment(TypedDict):
+    """Adjustment of an absolute encoder."""
+
+    offset: float
+    adjusted: bool
+
+
+class _Entry(TypedDict):
+    """What is saved of a technology object."""
+
+    type: str
+    configuration: dict[str, float]
+    sensors: dict[str, _Adjustment]
+
+
+class _Content(TypedDict):
+    """What the file holds, in addition to its checksum."""
+
+    version: int
+    objects: dict[str, _Entry]
+
+
+def _content(objects: Sequence[TechnologyAxis | ExternalEncoder]) -> _Content:
     """Return names, encoder configurations and adjustments of all objects."""
     return {"version": 1, "objects": {one.name: _entry(one) for one in objects}}
 
 
-def _entry(one: TechnologyAxis | ExternalEncoder) -> dict[str, Any]:
+def _entry(one: TechnologyAxis | ExternalEncoder) -> _Entry:
     store = one.variables
     configuration = {
         path: store.read(path)
         for path in store.paths()
         if path.startswith("Sensor") and not path.endswith("Existent")
     }
-    sensors = {}
+    sensors: dict[str, _Adjustment] = {}
     for path in store.paths():
         sensor, _, name = path.rpartition(".")
         if name != _OFFSET:
             continue
         kind = store.read(f"{sensor.removeprefix('Status')}.Type")
         if kind != INCREMENTAL:
-            sensors[sensor] = {"offset": store.read(path), "adjusted": store.read(f"{sensor}.Adjusted")}
+            sensors[sensor] = {"offset": store.read(path), "adjusted": store.read_bool(f"{sensor}.Adjusted")}
     return {"type": one.object_type, "configuration": configuration, "sensors": sensors}
 
 
-def _checksum(content: dict[str, Any]) -> str:
+def _checksum(content: _Content) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _difference(saved: dict[str, Any], present: dict[str, Any]) -> str:
+def _difference(saved: _Content, present: _Content) -> str:
     """Return why saved data do not fit the present objects; empty if they do."""
     there, here = saved["objects"], present["objects"]
     if len(there) != len(here):

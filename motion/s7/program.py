@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Program:
-    """See the module.
+    """Calls instructions and functions in the order in which they were added.
 
     Args:
         axes: The axes, whose limit switches may be inputs of the process image of the program.
@@ -30,8 +30,8 @@ class Program:
     def call(self, instance: Callable[[], object]) -> None:
         """Call `instance` with every call of the program from the next one on.
 
-        Instances whose job has ended and whose outputs are only held are not called until their `Execute`
-        falls.
+        Instances whose job has ended and whose outputs are only held are not
+        called until their `Execute` falls.
         """
         active: list[Callable[[], object]] = []
         for one in self.calls:

@@ -16,9 +16,9 @@ _TRANSFERRED: Final = (2, 3)
 class StartInterlock:
     """Keeps `Enable` FALSE while the drive or the operative encoder is not ready; called once per cycle.
 
-    `Enable := request AND StatusDrive.CommunicationOK AND StatusSensor[n].CommunicationOK AND
-    StatusSensor[n].State = 2`, and,
-    where a transfer of parameters is selected, `AND AdaptionState = 2` of both.
+    `Enable := request AND StatusDrive.CommunicationOK AND
+    StatusSensor[n].CommunicationOK AND StatusSensor[n].State = 2`, and, where a transfer
+    of parameters is selected, `AND AdaptionState = 2` of both.
 
     Args:
         axis: The axis.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import pi
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 LENGTHS: Final = {
     1010: 1.0,
@@ -30,8 +30,6 @@ ANGLES: Final = {1004: 1.0, 1005: pi / 180.0}
 """Codes of `Units.LengthUnit` that are angles, with their size in radians (CFG-077)."""
 
 DEGREE: Final = 1005
-RADIAN: Final = 1004
-MILLIMETRE: Final = 1013
 
 VELOCITIES: Final = {
     1062: (1013, 1), 1538: (1013, 1), 1524: (1013, 60), 1526: (1013, 3600),
@@ -77,8 +75,8 @@ HIGH_RESOLUTION: Final = frozenset((1536, 1538, 1539))
 """Codes with six decimals in place of three (CFG-089)."""
 
 _REVOLUTION_PER_SECOND: Final = 60.0
-"""In rpm: accelerations of a speed axis count revolutions in seconds, whatever its velocity unit is
-(CFG-081).
+"""In rpm: accelerations of a speed axis count revolutions in seconds, whatever
+its velocity unit is (CFG-081).
 """
 
 
@@ -109,7 +107,7 @@ class UnitFactors(NamedTuple):
         }.get(token, 1.0)
 
 
-def unit_factors(read: Callable[[str], Any], *, speed_axis: bool, encoder: bool = False) -> UnitFactors:
+def unit_factors(read: Callable[[str], int], *, speed_axis: bool, encoder: bool = False) -> UnitFactors:
     """Return the factors for the codes in `Units.*`.
 
     Args:
@@ -170,21 +168,21 @@ def millimetres(length_unit: int) -> float:
 
 
 def decimals(length_unit: int, velocity_unit: int = 0) -> int:
-    """Return with how many decimals positions are shown: 3, or 6 with higher resolution (CFG-088,
-    CFG-089).
+    """Return with how many decimals positions are shown: 3, or 6 with higher
+    resolution (CFG-088, CFG-089).
     """
     return 6 if length_unit in HIGH_RESOLUTION or velocity_unit in HIGH_RESOLUTION else 3
 
 
 def farthest_position(length_unit: int) -> float:
-    """Return the largest position that every step of the resolution tells apart, position unit (CFG-092,
-    CFG-093).
+    """Return the largest position that every step of the resolution tells apart,
+    position unit (CFG-092, CFG-093).
     """
     return 9.0e9 if length_unit in HIGH_RESOLUTION else 9.0e12
 
 
 def travel_time_s(velocity: float, length_unit: int) -> float:
-    """Return how long an axis may travel with `velocity`, position unit per second, before positions lose
-    steps.
+    """Return how long an axis may travel with `velocity`, position unit per
+    second, before positions lose steps.
     """
     return farthest_position(length_unit) / abs(velocity) if velocity else float("inf")

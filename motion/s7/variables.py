@@ -1,6 +1,6 @@
-"""The variables of a technology object: paths, access classes, start values and values in force.
+"""The variables of a technology object: paths, access classes, start values and values in effect.
 
-Every variable has a start value in load memory and a value in force (VAR-216). What may write it and when a
+Every variable has a start value in load memory and a value in effect (VAR-216). What may write it and when a
 write takes effect follows from its access class: DIR, CAL, RES or RON (section 1 of the variable guide).
 """
 
@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from math import isnan
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import ConfigurationError, UnknownNameError, similar_names
 from motion.kernel.cell import Cell
 from motion.s7.data._variables import (
     ParameterError,
@@ -38,7 +38,10 @@ __all__ = [
     "VariableError",
     "VariableStore",
     "Violation",
+    "elements",
     "object_types",
+    "refused_values",
+    "variables_of",
 ]
 
 ERROR_PARAMETER_NUMBER: Final = 0x805A
@@ -53,7 +56,7 @@ class Violation(NamedTuple):
     """A start value that prevents a restart (alarm 101)."""
 
     path: str
-    value: Any
+    value: object
     allowed: str
 
     def __str__(self) -> str:
@@ -61,37 +64,61 @@ class Violation(NamedTuple):
 
 
 class StoredVariable:
-    """A variable in the store: start value, value in force, and what an assignment waits to become.
+    """A variable in the store: start value, value in effect, and what an assignment waits to become.
 
     Everything but `cell` is in the units of the user program.
     """
 
     __slots__ = ("cell", "factor", "path", "shown", "start", "variable", "written")
 
-    def __init__(self, path: str, variable: Variable | None, value: Any) -> None:
+    def __init__(self, path: str, variable: Variable | None, value: float) -> None:
         self.path = path
         self.variable = variable
         """Definition; None for a parameter of `MC_WriteParameter` that is no variable."""
-        self.cell: Cell[Any] = Cell(value)
-        """Value in force, in the unit of the runtime (`motion.s7.units`)."""
+        self.cell: Cell[float] = Cell(value)
+        """Value in effect, in the unit of the runtime (`motion.s7.units`)."""
         self.factor = 1.0
         """What one unit of the user program is in the unit of the runtime."""
         self.shown = value
-        """Value in force, in the unit of the user program; counts where `factor` is not 1."""
+        """Value in effect, in the unit of the user program; counts where `factor` is not 1."""
         self.start = value
         """Start value in load memory."""
-        self.written: Any = None
+        self.written: float | None = None
         """Value that takes effect with the next `VariableStore.latch`; None without."""
 
-    def put(self, given: Any) -> None:
+    def put(self, given: float) -> None:
         """Put a value in the unit of the user program into force."""
         self.shown = given
         self.cell.value = given if self.factor == 1.0 else given * self.factor
 
     @property
-    def given(self) -> Any:
-        """Value in force in the unit of the user program."""
+    def given(self) -> float:
+        """Value in effect in the unit of the user program."""
         return self.cell.value if self.factor == 1.0 else self.shown
+
+
+def _first_what_rules(values: Mapping[str, object]) -> list[str]:
+    """Return the paths, first what rules ranges and units of the others."""
+    return sorted(values, key=lambda path: not path.startswith(("Properties.MotionType", "Units.")))
+
+
+def refused_values(object_type: str, values: Mapping[str, object]) -> list[ConfigurationError]:
+    """Return what is wrong with the start values of a configuration, each by itself; empty: nothing.
+
+    Args:
+        object_type: `SpeedAxis`, `PositioningAxis`, `SynchronousAxis` or `ExternalEncoder`.
+        values: Values by path.
+
+    """
+    store = VariableStore(object_type)
+    found = []
+    for path in _first_what_rules(values):
+        error = store.refusal(path, values[path])
+        if error is None:
+            store.put_configured(path, values[path])
+        else:
+            found.append(error)
+    return found
 
 
 class VariableStore:
@@ -116,12 +143,12 @@ class VariableStore:
     def __init__(
         self,
         object_type: str,
-        start_values: Mapping[str, Any] | None = None,
+        start_values: Mapping[str, object] | None = None,
         *,
         sensors: int = 1,
         name: str = "",
         history: History | None = None,
-        on_programming_error: Callable[[str, Any], None] | None = None,
+        on_programming_error: Callable[[str, object], None] | None = None,
     ) -> None:
         self.object_type = object_type
         self.online_start_values_changed = False
@@ -144,7 +171,7 @@ class VariableStore:
         }
         self._stale: dict[str, StoredVariable] = {}
         self._pending: list[StoredVariable] = []
-        self._motion_type = variables.get("Properties.MotionType", StoredVariable("", None, 0))
+        self._motion = variables.get("Properties.MotionType", StoredVariable("", None, 0))
         for number in range(1, 5):
             existent = variables.get(f"Sensor[{number}].Existent")
             if existent is not None:
@@ -152,7 +179,7 @@ class VariableStore:
         if start_values:
             self._configure(start_values)
         self.factors = unit_factors(
-            self.read, speed_axis=object_type == "SpeedAxis", encoder=object_type == "ExternalEncoder"
+            self.read_int, speed_axis=object_type == "SpeedAxis", encoder=object_type == "ExternalEncoder"
         )
         """What the units of the user program are within the runtime (CFG-072)."""
         for stored in variables.values():
@@ -175,7 +202,7 @@ class VariableStore:
         """
         return self._stored(path).cell
 
-    def read(self, path: str) -> Any:
+    def read(self, path: str) -> float:
         """Return the value of a variable or bit as a user program reads it.
 
         An assigned DIR value is read back at once, before it takes effect (VAR-002).
@@ -187,10 +214,18 @@ class VariableStore:
         stored = self._variables.get(path)
         if stored is None:
             word, bit = self._bit(path)
-            return bool(word.cell.value >> bit & 1)
+            return bool(int(word.cell.value) >> bit & 1)
         return stored.given if stored.written is None else stored.written
 
-    def start_value(self, path: str) -> Any:
+    def read_int(self, path: str) -> int:
+        """Return what `read` does, of an integer variable."""
+        return int(self.read(path))
+
+    def read_bool(self, path: str) -> bool:
+        """Return what `read` does, of a BOOL variable or a bit."""
+        return bool(self.read(path))
+
+    def start_value(self, path: str) -> float:
         """Return the start value of a variable in load memory."""
         return self._stored(path).start
 
@@ -201,8 +236,8 @@ class VariableStore:
         return variable
 
     def unit(self, path: str) -> str:
-        """Return the unit of a variable in the units configured for the object, such as `mm/s`; empty
-        without.
+        """Return the unit of a variable in the units configured for the object,
+        such as `mm/s`; empty without.
         """
         token = self.describe(path).unit
         if token in ("velocity", "torque", "force", "mass", "inertia"):
@@ -231,6 +266,10 @@ class VariableStore:
         """
         return self._parameter_cells[number]
 
+    @property
+    def _motion_type(self) -> int:
+        return int(self._motion.cell.value)
+
     def _stored(self, path: str) -> StoredVariable:
         found = self._variables.get(path)
         return self._miss(path) if found is None else found
@@ -241,7 +280,7 @@ class VariableStore:
     def write(self, path: str, value: object) -> None:
         """Assign a variable as a user program does.
 
-        DIR takes effect with the next `latch`, CAL at once for whoever reads it at the call of an
+        DIR takes effect with the next `latch`, CAL at once for every reader at the call of an
         instruction. An LREAL outside its range becomes the nearest bound, silently; any other value outside
         its range is dropped and starts OB 121 (VAR-015).
 
@@ -268,11 +307,11 @@ class VariableStore:
         if access == "RON":
             raise VariableAccessError(f"{path} is read only (RON)")
         converted = variable.convert(path, value)
-        if not variable.permits(converted, self._motion_type.cell.value):
+        if not variable.permits(converted, self._motion_type):
             if variable.data_type != "LREAL" or isnan(converted):
                 self._programming_error(path, value)
                 return
-            low, high = variable.limits(self._motion_type.cell.value)
+            low, high = variable.limits(self._motion_type)
             assert low is not None  # without a range every number but NaN is permitted
             assert high is not None
             converted = low if converted < low else high
@@ -337,10 +376,10 @@ class VariableStore:
             converted = variable.convert(parameter.variable, value)
         except VariableError as error:
             raise ParameterError(str(error), ERROR_PARAMETER_TYPE) from error
-        if not variable.permits(converted, self._motion_type.cell.value):
+        if not variable.permits(converted, self._motion_type):
             raise ParameterError(
                 f"{parameter.variable} cannot become {value!r}; allowed: "
-                f"{variable.allowed(self._motion_type.cell.value)}",
+                f"{variable.allowed(self._motion_type)}",
                 ERROR_PARAMETER_VALUE,
             )
         stored.put(converted)
@@ -358,13 +397,14 @@ class VariableStore:
         if not self._pending:
             return False
         for stored in self._pending:
-            stored.put(stored.written)
+            if stored.written is not None:
+                stored.put(stored.written)
             stored.written = None
         self._pending.clear()
         return True
 
-    def set_internal(self, path: str, value: Any) -> None:
-        """Set the value in force of any variable or bit, without access class and range: for the runtime
+    def set_internal(self, path: str, value: float) -> None:
+        """Set the value in effect of any variable or bit, without access class and range: for the runtime
         itself, in its units.
         """
         stored = self._variables.get(path)
@@ -374,11 +414,12 @@ class VariableStore:
                 stored.shown = value / stored.factor
             return
         stored, bit = self._bit(path)
-        stored.cell.value = stored.cell.value | 1 << bit if value else stored.cell.value & ~(1 << bit)
+        word = int(stored.cell.value)
+        stored.cell.value = word | 1 << bit if value else word & ~(1 << bit)
 
-    def preset(self, path: str, value: Any) -> None:
-        """Set start value and value in force of any variable: a download of what the device says, not of the
-        user.
+    def preset(self, path: str, value: float) -> None:
+        """Set start value and value in effect of any variable: a download of what
+        the device says, not of the user.
         """
         stored = self._stored(path)
         stored.start = value
@@ -386,7 +427,7 @@ class VariableStore:
 
     def violations(self) -> tuple[Violation, ...]:
         """Return the start values that are not permitted, so that a restart ends with alarm 101."""
-        motion_type = self._motion_type.cell.value
+        motion_type = self._motion_type
         found = []
         for path, stored in self._variables.items():
             variable = stored.variable
@@ -426,7 +467,7 @@ class VariableStore:
             stored.start = self._parameters[number].default
         return self.restart()
 
-    def load(self, values: Mapping[str, Any]) -> Callable[[], None]:
+    def load(self, values: Mapping[str, object]) -> Callable[[], None]:
         """Load start values of any access class, as a download does; they take effect with `power_cycle`.
 
         Returns:
@@ -457,30 +498,40 @@ class VariableStore:
     # -- inside
     # -----------------------------------------------------------------------------------------------
 
-    def _configure(self, values: Mapping[str, Any]) -> None:
-        """Load start values of any access class, as a download does; first what rules ranges and units of the
-        others.
+    def _configure(self, values: Mapping[str, object]) -> None:
+        """Load start values of any access class, as a download does; first what rules
+        ranges and units of the others.
         """
-        for path in sorted(values, key=lambda key: not key.startswith(("Properties.MotionType", "Units."))):
-            value = values[path]
-            stored = self._variables.get(path)
-            if stored is None:
-                raise ConfigurationError(
-                    path, value, f"a variable of {self.object_type}{self._similar(path)}"
-                )
-            variable = self.describe(path)
-            try:
-                converted = variable.convert(path, value)
-            except VariableError:
-                converted = None
-            if converted is None or not variable.permits(converted, self._motion_type.cell.value):
-                kind = f"{variable.data_type}, {variable.allowed(self._motion_type.cell.value)}"
-                raise ConfigurationError(path, value, f"{kind} {self.unit(path)}".rstrip())
-            stored.start = converted
-            stored.put(converted)
+        for path in _first_what_rules(values):
+            error = self.refusal(path, values[path])
+            if error is not None:
+                raise error
+            self.put_configured(path, values[path])
+
+    def put_configured(self, path: str, value: object) -> None:
+        """Put a start value of the configuration, which nothing speaks against, into force."""
+        stored = self._variables[path]
+        stored.start = self.describe(path).convert(path, value)
+        stored.put(stored.start)
+
+    def refusal(self, path: str, value: object) -> ConfigurationError | None:
+        """Return what is wrong with a start value of the configuration; None: nothing."""
+        if path not in self._variables:
+            return UnknownNameError(
+                "", path, f"a variable of {self.object_type}", self._variables, listed_by="hil variables"
+            )
+        variable = self.describe(path)
+        motion_type = self._motion_type
+        try:
+            if variable.permits(variable.convert(path, value), motion_type):
+                return None
+        except VariableError:
+            pass
+        allowed = f"{variable.data_type}, {variable.allowed(motion_type)} {self.unit(path)}"
+        return ConfigurationError(path, value, allowed.rstrip())
 
     def _mark(self, stored: StoredVariable) -> None:
-        """Keep account of start values that differ from the values in force."""
+        """Keep account of start values that differ from the values in effect."""
         if stored.start == stored.given:
             self._stale.pop(stored.path, None)
         else:
@@ -511,15 +562,12 @@ class VariableStore:
         raise UnknownVariableError(f"{self.object_type} has no variable {path!r}{self._similar(path)}")
 
     def _similar(self, path: str) -> str:
-        from difflib import get_close_matches
-
-        by_lower = {known.lower(): known for known in self._variables}
-        near = get_close_matches(path.lower(), by_lower, n=3, cutoff=0.6)
-        return f"; similar: {', '.join(by_lower[key] for key in near)}" if near else ""
+        near = similar_names(path, self._variables)
+        return f"; {near}" if near else ""
 
     def _unit(self, quantity: str) -> str:
         """Return the name of the unit configured for `quantity`; empty where the object has none."""
         stored = self._variables.get(f"Units.{quantity}Unit")
         if stored is None or stored.variable is None:
             return ""
-        return stored.variable.enum.get(stored.cell.value, "").removesuffix(" (6 decimals)")
+        return stored.variable.enum.get(int(stored.cell.value), "").removesuffix(" (6 decimals)")

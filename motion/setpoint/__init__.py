@@ -1,5 +1,5 @@
-"""Setpoints: velocity and point-to-point profiles with limited jerk, and the generator that an axis
-advances.
+"""Setpoints: velocity and point-to-point profiles with limited jerk, and the
+generator that an axis advances.
 """
 
 from motion.setpoint.generator import MotionPhase, SetpointGenerator

@@ -126,8 +126,8 @@ class SetpointGenerator(Setpoint):
     def start_position(
         self, s_target: float, velocity: float, acceleration: float, deceleration: float, jerk: float
     ) -> None:
-        """Move to the position `s_target`; `velocity` (above 0) limits the velocity, errors as
-        `plan_position`.
+        """Move to the position `s_target`; `velocity` (above 0) limits the
+        velocity, errors as `plan_position`.
         """
         profile = plan_position(
             self.s,
@@ -146,8 +146,8 @@ class SetpointGenerator(Setpoint):
                 self._astray_until = phase.start + phase.duration
 
     def shift(self, offset: float) -> None:
-        """Move the scale of positions: position setpoint and target change by `offset`, the motion does
-        not.
+        """Move the scale of positions: position setpoint and target change by
+        `offset`, the motion does not.
         """
         self._base += offset
         self.s += offset

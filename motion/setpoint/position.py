@@ -19,8 +19,8 @@ from motion.setpoint.stopping import stop_distance
 from motion.setpoint.velocity import velocity_phases
 
 _NOTHING = 1e-30
-"""Ways, velocities and accelerations up to this one count as none: their products would leave the number
-range.
+"""Ways, velocities and accelerations up to this one count as none: their
+products would leave the number range.
 """
 _MAX_ITERATIONS = 200
 """Root finding converges in about ten steps; the bound is for magnitudes at the ends of the number range."""
@@ -80,8 +80,8 @@ def plan_position(
 def _phases(  # noqa: PLR0917 - the numbers of one plan, passed on as they are
     distance: float, v: float, a: float, top: float, acceleration: float, deceleration: float, jerk: float
 ) -> list[RawPhase]:
-    """Return the phases to a target that lies beyond the point where the axis could stop (in positive
-    direction).
+    """Return the phases to a target that lies beyond the point where the axis
+    could stop (in positive direction).
     """
     if jerk == 0.0:
         return _phases_without_jerk(distance, v, top, acceleration, deceleration)
@@ -115,8 +115,8 @@ def _phases(  # noqa: PLR0917 - the numbers of one plan, passed on as they are
 def _relaxed(
     distance: float, approach: list[RawPhase], acceleration: float, deceleration: float, jerk: float
 ) -> list[RawPhase]:
-    """Return the phases that follow `approach`, whose end would be too late for braking, until braking must
-    begin.
+    """Return the phases that follow `approach`, whose end would be too late for
+    braking, until braking must begin.
     """
     *before, (duration, v, a, j) = approach
     if a >= 0.0:  # no deceleration to relax: only rounding tells this from direct braking

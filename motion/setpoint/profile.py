@@ -10,14 +10,14 @@ RawPhase = tuple[float, float, float, float]
 """Duration in s, and velocity, acceleration and jerk at its start (position unit, s)."""
 
 Piece = tuple[float, float, float, float, float, float, float, float]
-"""Start time, then position, velocity, acceleration, acceleration / 2, jerk, jerk / 2 and jerk / 6 at that
-time.
+"""Start time, then position, velocity, acceleration, acceleration / 2, jerk, jerk
+/ 2 and jerk / 6 at that time.
 """
 
 
 class Phase(NamedTuple):
-    """One phase of constant jerk, with the state at its start; times in s, the rest in position units and
-    s.
+    """One phase of constant jerk, with the state at its start; times in s,
+    the rest in position units and s.
     """
 
     start: float

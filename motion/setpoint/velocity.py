@@ -32,8 +32,8 @@ def plan_velocity(
     jerk: float,
     abort_acceleration: bool = False,
 ) -> Profile:
-    """Plan the change from the present velocity to `target`; the end is exactly `target` without
-    acceleration.
+    """Plan the change from the present velocity to `target`; the end is exactly
+    `target` without acceleration.
 
     Args:
         velocity: Present velocity, position unit/s.
@@ -60,8 +60,8 @@ def plan_velocity(
 def velocity_phases(  # noqa: PLR0917 - inner loop of the position planner
     v: float, a: float, target: float, acceleration: float, deceleration: float, jerk: float
 ) -> list[RawPhase]:
-    """Return the phases from the state (`v`, `a`) to (`target`, 0); arguments as `plan_velocity`,
-    unchecked.
+    """Return the phases from the state (`v`, `a`) to (`target`, 0); arguments
+    as `plan_velocity`, unchecked.
     """
     phases: list[RawPhase] = []
     if jerk == 0.0:
@@ -115,11 +115,11 @@ def _leg(  # noqa: PLR0917 - inner loop of the position planner
     limit: float,
     jerk: float,
 ) -> None:
-    """Append the phases of a change of velocity from `v` by `way` in `direction` to `target`, in the shortest
-    time.
+    """Append the phases of a change of velocity from `v` by `way` in `direction` to
+    `target`, in the shortest time.
 
-    `start` and `end` are accelerations in `direction`, not negative. A start beyond the limit falls back to
-    it.
+    `start` and `end` are accelerations in `direction`, not negative. A start
+    beyond the limit falls back to it.
     """
     double = 2.0 * jerk
     top = max(limit, end)

@@ -11,12 +11,13 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, Final
+from typing import Final
 
 from reports.homing import HomingDrawing, HomingStep, SwitchLane
+from reports.json_types import Json, JsonObject
 
 MINUS: Final = "\N{MINUS SIGN}"
-Node = list[Any]
+Node = list[Json]
 Point = tuple[float, float]
 
 _WIDTH: Final = 960.0
@@ -46,7 +47,7 @@ _WORDS: Final = {
 }
 
 
-def drawing_payload(drawing: HomingDrawing) -> dict[str, Any]:
+def drawing_payload(drawing: HomingDrawing) -> JsonObject:
     """Return title, picture, text alternative and legend of a homing, for the page."""
     numbers = _numbers(drawing)
     rows = [_row(drawing, step, number) for step, number in zip(drawing.steps, numbers, strict=True)]
@@ -71,7 +72,7 @@ def _numbers(drawing: HomingDrawing) -> list[int]:
     return found
 
 
-def _row(drawing: HomingDrawing, step: HomingStep, number: int) -> list[Any]:
+def _row(drawing: HomingDrawing, step: HomingStep, number: int) -> list[Json]:
     """Return number, name, meaning, place, velocity, time [s from the start], time in the trace."""
     place = short(step.begin)
     velocity = ""
@@ -301,7 +302,13 @@ class _Picture:
         found: list[Node] = []
         for low, high in self._scale.short:
             x = 0.5 * (self._scale.px(low) + self._scale.px(high))
-            box = {"x": x - 5.0, "y": _TOP, "width": 10.0, "height": self._end - _TOP, "class": "hcut"}
+            box: JsonObject = {
+                "x": x - 5.0,
+                "y": _TOP,
+                "width": 10.0,
+                "height": self._end - _TOP,
+                "class": "hcut",
+            }
             title = _node("title", {}, f"shortened: {short(low)} to {short(high)} {self._drawing.unit}")
             sides = [_line(x + side, x + side, _TOP, self._end, "hzig") for side in (-5.0, 5.0)]
             found.append(_group([_node("rect", box), *sides, title]))
@@ -333,7 +340,7 @@ class _Picture:
         kind = "hbar limit" if lane.name.endswith("limit") else "hbar"
         for low, high in lane.bars:
             a, b = self._scale.px(low), self._scale.px(high)
-            box = {"x": a, "y": y, "width": max(b - a, 1.5), "height": _BAR, "class": kind}
+            box: JsonObject = {"x": a, "y": y, "width": max(b - a, 1.5), "height": _BAR, "class": kind}
             found.append(_node("rect", box))
             for place, x, anchor, shift in ((low, a, "end", -5.0), (high, b, "start", 5.0)):
                 if any(abs(edge.position - place) <= near for edge in lane.edges):
@@ -422,11 +429,11 @@ def _tick(value: float, span: float) -> str:
     return short(value, 0 if span > 15.0 else 2) if span > 1.0 else short(value, 3)
 
 
-def _node(tag: str, attributes: dict[str, Any], *children: Any) -> Node:
+def _node(tag: str, attributes: JsonObject, *children: Json) -> Node:
     return [tag, {name: value for name, value in attributes.items() if value is not None}, list(children)]
 
 
-def _group(children: list[Node], attributes: dict[str, Any] | None = None) -> Node:
+def _group(children: list[Node], attributes: JsonObject | None = None) -> Node:
     return _node("g", attributes or {}, *children)
 
 

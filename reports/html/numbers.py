@@ -27,9 +27,9 @@ _LEVELS: Final = 2e-6
 def thin(time_s: Floats, values: Floats, points: int, focus_s: Sequence[float]) -> NDArray[np.intp]:
     """Choose the samples to keep, ascending.
 
-    Every bucket of time keeps its first, smallest, greatest sample, so no peak is lost; a part of the budget
-    goes to all samples nearest to the moments of interest (faults, alarms, failed checks), which stay
-    complete.
+    Every bucket of time keeps its first, smallest, greatest sample, so no peak is lost; a part
+    of the budget goes to all samples nearest to the moments of interest (faults, alarms,
+    failed checks), which stay complete.
 
     Args:
         time_s: Ascending times [s].
@@ -87,8 +87,8 @@ def encode(values: Floats, quantum: float | None = None) -> dict[str, Any]:
 
 
 def encode_all(columns: Sequence[tuple[Floats, float | None]]) -> list[dict[str, Any]]:
-    """Return `encode` of many columns: all at once, since a column is short and a call of NumPy is not
-    free.
+    """Return `encode` of many columns: all at once, since a column is short
+    and a call of NumPy is not free.
     """
     found: list[dict[str, Any]] = [{"n": 0, "c": 0}] * len(columns)
     filled = [place for place, (values, _quantum) in enumerate(columns) if len(values)]
@@ -120,8 +120,8 @@ def encode_all(columns: Sequence[tuple[Floats, float | None]]) -> list[dict[str,
 
 
 def _exponent(low: float, high: float, quantum: float | None, *, whole: bool) -> int | None:
-    """Return the decimal exponent of the quantum for samples between two limits; None where there can be
-    none.
+    """Return the decimal exponent of the quantum for samples between two
+    limits; None where there can be none.
 
     `whole`: all samples are whole numbers, which stay exact unless a quantum is given.
     """
@@ -141,8 +141,8 @@ def _exponent(low: float, high: float, quantum: float | None, *, whole: bool) ->
 
 
 def _quantised(columns: Sequence[Floats], exponents: Sequence[int]) -> list[dict[str, Any]]:
-    """Return the objects of columns of at least two samples, of differences of the first or second order
-    each.
+    """Return the objects of columns of at least two samples, of differences of
+    the first or second order each.
     """
     # Multiply or divide by a whole power of ten: that is exact to the last digit, 10**-6 itself is not.
     scaled = [

@@ -7,6 +7,7 @@ from urllib.parse import quote, urlencode
 
 from reports.compare import Background, Comparison
 from reports.history import PastRun
+from reports.json_types import JsonObject
 from reports.model import RunResult, Verdict
 from reports.seeding import Seeding
 from reports.text import VERDICTS, duration, quantity
@@ -18,7 +19,7 @@ _BAR: Final = 16
 _HEIGHT: Final = 120
 
 
-def overview(run: RunResult, background: Background | None, seeding: Seeding | None) -> dict[str, Any]:
+def overview(run: RunResult, background: Background | None, seeding: Seeding | None) -> JsonObject:
     """Return what the template of the overview shows."""
     return {
         "groups": _groups(run),
@@ -36,7 +37,7 @@ def _case(identifier: str) -> str:
     return "#/case/" + quote(identifier, safe="/", errors="replace")
 
 
-def _groups(run: RunResult) -> list[dict[str, Any]]:
+def _groups(run: RunResult) -> list[JsonObject]:
     groups: dict[str, list[Any]] = {}
     for case in run.cases:
         groups.setdefault(case.group, []).append(case)
@@ -54,12 +55,12 @@ def _groups(run: RunResult) -> list[dict[str, Any]]:
     ]
 
 
-def _trend(runs: list[PastRun]) -> dict[str, Any]:
-    """Return bars as high as the runs have cases, the bad ones at the foot, where they are seen against the
-    line.
+def _trend(runs: list[PastRun]) -> JsonObject:
+    """Return bars as high as the runs have cases, the bad ones at the foot, where
+    they are seen against the line.
     """
     most = max((run.cases for run in runs), default=0) or 1
-    bars = []
+    bars: list[JsonObject] = []
     for index, run in enumerate(runs):
         top = float(_HEIGHT)
         parts = []
@@ -99,7 +100,7 @@ def _trend(runs: list[PastRun]) -> dict[str, Any]:
     }
 
 
-def _changes(found: Comparison) -> dict[str, Any]:
+def _changes(found: Comparison) -> JsonObject:
     base = f"run {found.base.number}" if found.base else "the last result of each case"
     return {
         "base": base,
@@ -145,7 +146,7 @@ def _changes(found: Comparison) -> dict[str, Any]:
     }
 
 
-def _seeding(run: RunResult, seeding: Seeding) -> dict[str, Any]:
+def _seeding(run: RunResult, seeding: Seeding) -> JsonObject:
     known = {case.identifier for case in run.cases}
     return {
         "error": seeding.error,

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import quote, urlencode
@@ -31,11 +31,13 @@ from reports.coverage import (
 )
 from reports.html.bundle import EMBEDDED_LIMIT, Bundle, pack
 from reports.html.overview import overview
+from reports.html.packing import packed
 from reports.html.payload import index_entry, script_json
-from reports.model import CaseResult, RunResult, Verdict
+from reports.json_types import JsonObject
+from reports.model import CaseResult, Earlier, RunResult, Verdict
 from reports.seeding import Seeding
 from reports.summary import run_digest
-from reports.text import VERDICTS, duration, headline, run_state
+from reports.text import VERDICTS, duration, headline, own_title, run_state
 
 _STYLES: Final = ("style.css", "case.css", "homing.css")
 _SCRIPTS: Final = (
@@ -52,6 +54,7 @@ def render_html(
     embedded: int = EMBEDDED_LIMIT,
     background: Background | None = None,
     seeding: Seeding | None = None,
+    earlier: Mapping[str, Earlier] | None = None,
 ) -> Path:
     """Write the report and return its path.
 
@@ -60,10 +63,11 @@ def render_html(
         path: File to write; evidence links count from its folder.
         points: About how many samples of a signal stay in the plot (at least 100). Extremes and the
             surroundings of faults, alarms and failed checks always stay.
-        embedded: Characters of case data up to which the page is one file; beyond them the cases go into
-            a folder next to it, `report-data` of `report.html`.
+        embedded: Characters of packed case data up to which the page is one file; beyond them the cases go
+            into a folder next to it, `report-data` of `report.html`.
         background: Earlier runs, for trend and changes.
         seeding: Defects seeded on purpose, for their table.
+        earlier: Runs of the cases to compare with, by identifier; default: the last passes of the background.
 
     Raises:
         ValueError: `points` is below 100.
@@ -73,18 +77,16 @@ def render_html(
         raise ValueError(f"points: {points} is not allowed; allowed: 100 and more")
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
-    plotly = _plotly()
-    bundle = pack(run, target, points=points, library=plotly, limit=embedded)
+    passes = earlier or (background.passes if background else {})
+    bundle = pack(run, target, points=points, passes=passes, limit=embedded)
     changes = background.comparison.by_case() if background else {}
     target.write_bytes(
-        _page(run, bundle, plotly, overview(run, background, seeding), changes).encode("utf-8", "replace")
+        _page(run, bundle, overview(run, background, seeding), changes).encode("utf-8", "replace")
     )
     return target
 
 
-def _page(
-    run: RunResult, bundle: Bundle, plotly: str, overview: dict[str, Any], changes: Mapping[str, str]
-) -> str:
+def _page(run: RunResult, bundle: Bundle, overview: JsonObject, changes: Mapping[str, str]) -> str:
     """Return the page as text; lone surrogates in it become question marks when it is written."""
     import jinja2
     from markupsafe import Markup
@@ -96,12 +98,12 @@ def _page(
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    program = '(() => {\n"use strict";\n' + "\n".join(_resource(name) for name in _SCRIPTS) + "})();"
+    program = _library() + '\n(() => {\n"use strict";\n' + "\n".join(map(_resource, _SCRIPTS)) + "})();"
     requirement_rows = requirement_matrix(run)
     place = {case.identifier: index for index, case in enumerate(run.cases)}
     state = run_state(run)
     title, text = _verdict_words(run, state)
-    context: dict[str, Any] = {
+    context: dict[str, object] = {
         "run": run,
         "state": state,
         "state_icon": {"failed": "failed", "passed": "passed"}.get(state, "blocked"),
@@ -117,6 +119,7 @@ def _page(
         "prefix_rows": [
             {
                 "prefix": total.prefix,
+                "touched": total.touched,
                 "link": "#/requirements?" + urlencode({"p": total.prefix}, errors="replace"),
                 "numbers": [
                     total.known,
@@ -140,12 +143,11 @@ def _page(
         "overview": overview,
         "style": Markup("".join(_resource(name) for name in _STYLES)),  # noqa: S704 (a file of this package)
         "script_sources": Markup(  # noqa: S704 (base 64 and constants)
-            f"{_hash(program)} 'self' file:" if bundle.folder else f"{_hash(program)} {_hash(plotly)}"
+            _hash(program) + (" 'self' file:" if bundle.folder else "")
         ),
         "program": Markup(program),  # noqa: S704 (files of this package)
-        "plotly": Markup("" if bundle.folder else plotly),  # noqa: S704 (a file of the installed plotly package)
         "index": _json([index_entry(case, changes.get(case.identifier, "")) for case in run.cases]),
-        "requirements": _json(
+        "requirements": packed(
             [
                 [
                     row.identifier,
@@ -155,11 +157,12 @@ def _page(
                     row.verdict.value if row.verdict else "untested",
                     row.known,
                     [[place[name], verdict.value] for name, verdict in row.cases],
+                    row.own,
                 ]
                 for row in requirement_rows
             ]
         ),
-        "payloads": (Markup(text) for text in bundle.texts),  # noqa: S704 (escaped by script_json)
+        "payloads": bundle.texts,
     }
     return environment.get_template("report.html.j2").render(context)
 
@@ -174,13 +177,15 @@ def _resource(name: str) -> str:
     return (files("reports.html") / "templates" / name).read_text("utf-8")
 
 
-def _plotly() -> str:
-    """Return plotly.js of the installed package, fit to stand inside a `script` element."""
-    from plotly.offline import get_plotlyjs
+def _library() -> str:
+    """Return uPlot, which draws the curves: 120 kB that are in the page as they are.
 
-    source = str(get_plotlyjs()).replace("\r\n", "\n").replace("\r", "\n").replace("\0", "\\0")
-    # Inside JavaScript strings and patterns, where alone these can stand, the backslash changes nothing.
-    return re.sub(r"<(?=/script|!--)", r"<\\", source, flags=re.IGNORECASE)
+    The file is found without an import of its package, which would load IPython.
+    """
+    package = find_spec("uplot")
+    assert package is not None  # a dependency
+    assert package.submodule_search_locations is not None
+    return Path(package.submodule_search_locations[0], "static", "uPlot.iife.js").read_text("utf-8").strip()
 
 
 def _hash(script: str) -> str:
@@ -232,14 +237,14 @@ def _verdict_words(run: RunResult, state: str) -> tuple[str, str]:
     return title, "; ".join(rest) + "."
 
 
-def _plain_rows(run: RunResult) -> list[dict[str, Any]]:
+def _plain_rows(run: RunResult) -> list[JsonObject]:
     """Return the list for a reader without JavaScript, bad cases first: all, or as many as anybody reads."""
     ordered = sorted(enumerate(run.cases), key=_gravity)[:_PLAIN_ROWS]
     return [
         {
             "identifier": case.identifier,
             "link": quote(case.identifier, safe="/", errors="replace"),
-            "title": case.title,
+            "title": own_title(case),
             "verdict": case.verdict.value,
             "headline": headline(case),
         }
@@ -260,7 +265,7 @@ def _selections(run: RunResult, changes: Mapping[str, str]) -> list[tuple[str, s
     ]
 
 
-def _matrices(run: RunResult) -> list[dict[str, Any]]:
+def _matrices(run: RunResult) -> list[JsonObject]:
     return [
         _matrix("Fault against reaction", fault_reaction_matrix(run), "r"),
         _matrix("Fault against axis state", fault_state_matrix(run), "s"),
@@ -268,7 +273,7 @@ def _matrices(run: RunResult) -> list[dict[str, Any]]:
     ]
 
 
-def _stop_matrices(run: RunResult) -> list[tuple[str, dict[str, Any]]]:
+def _stop_matrices(run: RunResult) -> list[tuple[str, JsonObject]]:
     """Return fault against reaction for every way in which an axis was commanded to stop, without the
     rows never tried.
     """
@@ -284,11 +289,11 @@ def _stop_matrices(run: RunResult) -> list[tuple[str, dict[str, Any]]]:
     return found
 
 
-def _matrix(title: str, matrix: Matrix, key: str, **also: str) -> dict[str, Any]:
+def _matrix(title: str, matrix: Matrix, key: str, **also: str) -> JsonObject:
     """Return a matrix for the template; `also` is what its links filter by in any case."""
-    rows = []
+    rows: list[JsonObject] = []
     for name in matrix.rows:
-        cells: list[dict[str, Any] | None] = []
+        cells: list[JsonObject | None] = []
         found: set[str] = set()
         for column in matrix.columns:
             cell = matrix.cell(name, column)

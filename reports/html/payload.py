@@ -8,30 +8,36 @@ import math
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import PurePosixPath
-from typing import Any, Final
+from typing import Final
 from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reports.coverage import reactions_to, state_of, stop_modes
+from reports.coverage import NO_STOP, reactions_to, state_of, stop_modes, stop_reactions
 from reports.html.homing import drawing_payload
 from reports.html.numbers import encode_all, thin
 from reports.html.signals import Lane, Panel, arrange, bands, component, is_setpoint
+from reports.json_types import Json, JsonObject
 from reports.model import CaseResult, Check, Message, Scalar, Signal, Step, Verdict
 from reports.text import (
+    check_sentence,
+    code_text,
     expected_text,
     headline,
     limits,
     margin_text,
     number,
     observed_text,
+    own_title,
     reaction_name,
     replay_command,
 )
 
 MAX_MESSAGES: Final = 400
 """Messages shown of a case; of a passed one half of them, where no defect is looked for."""
+MAX_LOG: Final = 20_000
+"""Messages up to which a case that is not green carries its whole bus log, for who asks for it."""
 _IN_LIST: Final = 3
 """Faults and alarms of a case that the list shows."""
 _SEARCHED: Final = 2000
@@ -41,8 +47,8 @@ _TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 
 
 def script_json(value: object) -> str:
-    """Return JSON that may stand inside a `script` element: nothing in it can end the element or open a
-    comment.
+    """Return JSON that may stand inside a `script` element: nothing in it can end
+    the element or open a comment.
     """
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     for character, escape in (
@@ -64,7 +70,7 @@ def file_link(path: str) -> str:
     return "./" + quote(plain, safe="/", errors="replace")
 
 
-def index_entry(case: CaseResult, change: str = "") -> dict[str, Any]:
+def index_entry(case: CaseResult, change: str = "") -> JsonObject:
     """Return what the case list needs to show, search and filter; what is empty is left out.
 
     Args:
@@ -84,19 +90,20 @@ def index_entry(case: CaseResult, change: str = "") -> dict[str, Any]:
     )
     injected = list(dict.fromkeys(f"{fault.kind} → {fault.target}" for fault in case.faults))
     alarms = list(dict.fromkeys(f"{alarm.number} {reaction_name(alarm.reaction)}" for alarm in case.alarms))
+    stops = [mode for mode in stop_modes(case) if mode != NO_STOP]
     words = [case.message[:_SEARCHED], case.token, *case.tags, *named]
     words += [f"{fault.kind} {fault.target}" for fault in case.faults]
     words += [f"{alarm.number} {alarm.text}" for alarm in case.alarms]
     entry = {
         "id": case.identifier,
         "v": case.verdict.value,
-        "t": case.title if case.title != case.identifier else "",
+        "t": own_title(case),
         "h": headline(case),
         "g": case.group,
         "tags": case.tags,
         "f": faults,
-        "fl": injected[:_IN_LIST],
-        "al": alarms[:_IN_LIST],
+        "fl": (injected or stops)[:_IN_LIST],
+        "al": (alarms or stop_reactions(case))[:_IN_LIST],
         "m": stop_modes(case),
         "c": change,
         "s": _time(case.simulated_s),
@@ -106,7 +113,7 @@ def index_entry(case: CaseResult, change: str = "") -> dict[str, Any]:
     return {name: value for name, value in entry.items() if value not in ("", [])}
 
 
-def case_payload(case: CaseResult, *, points: int) -> dict[str, Any]:
+def case_payload(case: CaseResult, *, points: int) -> JsonObject:
     """Return everything of a case for the page.
 
     Args:
@@ -117,18 +124,16 @@ def case_payload(case: CaseResult, *, points: int) -> dict[str, Any]:
     """
     focus = focus_times(case)
     messages = list(case.messages)
-    panels, lanes = arrange(_clean(case.signals), _interest(case))
-    columns = _Columns()
-    shown = [_panel(panel, columns, points, focus) for panel in panels]
-    columns.encode()
-    applied = [fault.applied_s for fault in case.faults if fault.applied_s is not None]
-    start = min((float(signal.time_s[0]) for signal in case.signals if len(signal.time_s)), default=0.0)
+    bad = case.verdict is not Verdict.PASSED
+    limit = MAX_MESSAGES if bad else MAX_MESSAGES // 2
+    whole = MAX_LOG if bad else 0
     return {
-        "id": case.identifier,
-        "title": case.title,
+        **case_curves(case, points=points, hidden=True),
+        "title": own_title(case),
         "v": case.verdict.value,
         "head": headline(case),
         "message": case.message,
+        "traceback": case.traceback,
         "group": case.group,
         "tags": case.tags,
         "reqs": case.requirements,
@@ -138,9 +143,6 @@ def case_payload(case: CaseResult, *, points: int) -> dict[str, Any]:
         "sim": _time(case.simulated_s),
         "wall": _time(case.wall_s),
         "digest": case.trace_digest,
-        "start": _time(start),
-        "end": _time(_end_of(case)),
-        "zero": _time(min(applied, default=None)),
         "story": [
             [_time(step.time_s), step.kind, step.text, _pairs(step.detail)] for step in full_story(case)
         ],
@@ -171,15 +173,39 @@ def case_payload(case: CaseResult, *, points: int) -> dict[str, Any]:
             ]
             for f in case.faults
         ],
-        "messages": _messages(
-            messages, focus, MAX_MESSAGES if case.verdict is not Verdict.PASSED else MAX_MESSAGES // 2
-        ),
+        "messages": _messages(messages, select_messages(messages, focus, limit)),
+        "log": _messages(messages, range(len(messages))) if limit < len(messages) <= whole else [],
+        "focus": [_time(moment) for moment in focus],
         "messageTotal": len(messages),
-        "panels": shown,
-        "lanes": [_lane(lane) for lane in lanes],
-        "times": columns.times,
         "homings": [drawing_payload(drawing) for drawing in case.homings],
         "files": [[name, path, file_link(path)] for name, path in case.files.items()],
+    }
+
+
+def case_curves(case: CaseResult, *, points: int, hidden: bool = False) -> JsonObject:
+    """Return the part of a case that can be laid over another one: curves, states, where its time begins.
+
+    Args:
+        case: The case.
+        points: See `case_payload`.
+        hidden: Also what is not shown at first.
+
+    """
+    panels, lanes = arrange(_clean(case.signals), _interest(case), involved=_involved(case))
+    columns = _Columns()
+    focus = focus_times(case)
+    shown = [_panel(panel, columns, points, focus) for panel in panels if hidden or panel.shown]
+    columns.encode()
+    applied = [fault.applied_s for fault in case.faults if fault.applied_s is not None]
+    start = min((float(signal.time_s[0]) for signal in case.signals if len(signal.time_s)), default=0.0)
+    return {
+        "id": case.identifier,
+        "start": _time(start),
+        "end": _time(_end_of(case)),
+        "zero": _time(min(applied, default=None)),
+        "panels": shown,
+        "lanes": [_lane(lane) for lane in lanes if hidden or lane.shown],
+        "times": columns.times,
     }
 
 
@@ -199,6 +225,12 @@ def _interest(case: CaseResult) -> set[str]:
         component(check.signal) for check in case.checks if check.verdict is Verdict.FAILED and check.signal
     }
     return failed or {alarm.axis for alarm in case.alarms[:1]} or {fault.target for fault in case.faults[:1]}
+
+
+def _involved(case: CaseResult) -> set[str]:
+    """Return all components with a fault, an alarm, or a check that does not hold."""
+    bad = {component(check.signal) for check in case.checks if check.verdict is not Verdict.PASSED}
+    return bad | {alarm.axis for alarm in case.alarms} | {fault.target for fault in case.faults}
 
 
 def full_story(case: CaseResult) -> list[Step]:
@@ -255,20 +287,20 @@ def select_messages(messages: Sequence[Message], focus: list[float], limit: int 
 
 
 class _Columns:
-    """The samples of a case, which are encoded all at once, and its time axes, each distinct one stored
-    once.
+    """The samples of a case, which are encoded all at once, and its time axes,
+    each distinct one stored once.
     """
 
     def __init__(self) -> None:
-        self.times: list[dict[str, Any]] = []
+        self.times: list[JsonObject] = []
         self._columns: list[tuple[NDArray[np.float64], float | None]] = []
-        self._places: list[dict[str, Any]] = []
+        self._places: list[JsonObject] = []
         self._known: dict[bytes, int] = {}
         self._seen: dict[int, tuple[NDArray[np.float64], int]] = {}
 
-    def add(self, values: NDArray[np.float64], quantum: float | None = None) -> dict[str, Any]:
+    def add(self, values: NDArray[np.float64], quantum: float | None = None) -> JsonObject:
         """Return the object that holds the samples after `encode`."""
-        place: dict[str, Any] = {}
+        place: JsonObject = {}
         self._columns.append((values, quantum))
         self._places.append(place)
         return place
@@ -312,8 +344,8 @@ def _clean(signals: Iterable[Signal]) -> list[Signal]:
     return found
 
 
-def _panel(panel: Panel, columns: _Columns, points: int, focus: list[float]) -> dict[str, Any]:
-    traces = []
+def _panel(panel: Panel, columns: _Columns, points: int, focus: list[float]) -> JsonObject:
+    traces: list[JsonObject] = []
     for signal in panel.signals:
         time_s, values = signal.time_s, signal.values
         if len(values) > points:
@@ -323,20 +355,28 @@ def _panel(panel: Panel, columns: _Columns, points: int, focus: list[float]) -> 
             {
                 "name": signal.name,
                 "set": is_setpoint(signal.name),
+                "step": is_setpoint(signal.name) and len(values) == len(signal.values),
                 "t": columns.add_time(time_s),
                 "y": columns.add(values),
             }
         )
-    return {"title": panel.title, "unit": panel.unit, "on": panel.shown, "traces": traces}
+    return {
+        "title": panel.title,
+        "unit": panel.unit,
+        "on": panel.shown,
+        "idle": panel.idle,
+        "traces": traces,
+    }
 
 
-def _lane(lane: Lane) -> dict[str, Any]:
+def _lane(lane: Lane) -> JsonObject:
     starts, values = bands(lane)
     used = {int(value) for value in values if value is not None}
     return {
         "name": lane.signal.name,
         "kind": lane.kind,
         "on": lane.shown,
+        "idle": lane.idle,
         "s": starts,
         "y": [None if value is None else int(value) if value.is_integer() else value for value in values],
         "end": _time(float(lane.signal.time_s[-1])),
@@ -344,7 +384,7 @@ def _lane(lane: Lane) -> dict[str, Any]:
     }
 
 
-def _check(check: Check) -> dict[str, Any]:
+def _check(check: Check) -> JsonObject:
     since = check.since_s
     scale = _TIME_UNITS.get(check.unit)
     limited = check.low is not None or check.high is not None
@@ -352,6 +392,8 @@ def _check(check: Check) -> dict[str, Any]:
         since = check.time_s - check.value * scale
     return {
         "name": check.name,
+        "sentence": check_sentence(check),
+        "rule": check.rule,
         "v": check.verdict.value,
         "expected": expected_text(check),
         "observed": observed_text(check),
@@ -369,20 +411,19 @@ def _check(check: Check) -> dict[str, Any]:
     }
 
 
-def _messages(messages: Sequence[Message], focus: list[float], limit: int) -> list[list[Any]]:
-    """Return rows of time, bus, identifier, data, sender, text, error, number of messages left out before
-    it.
+def _messages(messages: Sequence[Message], chosen: Iterable[int]) -> list[list[Json]]:
+    """Return rows of time, bus, identifier, data, sender, text, error, number
+    of messages left out before it.
     """
-    rows = []
+    rows: list[list[Json]] = []
     before = -1
-    for index in select_messages(messages, focus, limit):
+    for index in chosen:
         message = messages[index]
-        width = 3 if message.identifier < 0x800 else 8
         rows.append(
             [
                 _time(message.time_s),
                 message.bus,
-                f"{message.identifier:0{width}X}",
+                _identifier(message),
                 message.data,
                 message.sender,
                 message.text,
@@ -394,9 +435,17 @@ def _messages(messages: Sequence[Message], focus: list[float], limit: int) -> li
     return rows
 
 
+def _identifier(message: Message) -> str:
+    """Return what names a frame on its bus: the CAN identifier, or the Modbus unit."""
+    if message.protocol != "can":
+        return f"unit {message.identifier}"
+    return f"{message.identifier:0{3 if message.identifier < 0x800 else 8}X}h"
+
+
 def _pairs(detail: Mapping[str, Scalar]) -> list[list[str]]:
     return [
-        [name, number(value) if isinstance(value, float) else str(value)] for name, value in detail.items()
+        [name, number(value) if isinstance(value, float) else code_text(name, value)]
+        for name, value in detail.items()
     ]
 
 

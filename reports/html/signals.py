@@ -1,8 +1,8 @@
 """Which signals share a panel of the plot, which become lanes, and what a case shows before anybody asks.
 
-A panel holds one quantity in one unit with its setpoints and actual values. States, bits, words and numbers
-that stand for something (alarm number, mode) say nothing as a curve; they become lanes: coloured bands with a
-text.
+A panel holds one quantity in one unit with its setpoints and actual values. States, bits, words
+and numbers that stand for something (alarm number, mode) say nothing as a curve; they become
+lanes: coloured bands with a text.
 """
 
 from __future__ import annotations
@@ -49,13 +49,14 @@ _ORDER: Final = (
 _FIRST_SIGHT: Final = 4
 """Panels shown at once: the quantities before `Speed`, which stands in where there is no velocity."""
 _SETPOINT: Final = re.compile(r"setpoint|demand|target|command|reference|nominal|_output$")
+_MOTION: Final = re.compile(r"position|velocity|speed")
 _WORD: Final = re.compile(r"word\d*$|^stw\d?|^zsw\d?|^inputs$|^outputs$|_bits$|register$")
 _CODE: Final = re.compile(r"(number|code|mode|reaction|count|identifier|_id)$")
 _MAX_BANDS: Final = 3000
 _CROWDED: Final = 3
 
 
-@dataclass(slots=True)
+@dataclass
 class Panel:
     """Signals that share one pair of axes."""
 
@@ -63,9 +64,11 @@ class Panel:
     unit: str
     signals: list[Signal] = field(default_factory=list)
     shown: bool = False
+    idle: bool = False
+    """It belongs to an axis that is at rest in the whole case, and that the case is not about."""
 
 
-@dataclass(slots=True)
+@dataclass
 class Lane:
     """One signal as bands."""
 
@@ -73,6 +76,8 @@ class Lane:
     kind: str
     """`state` (texts), `bit`, `word` (shown as hexadecimal) or `code` (shown as a number)."""
     shown: bool = False
+    idle: bool = False
+    """See `Panel`."""
 
 
 def base_name(name: str) -> str:
@@ -98,33 +103,43 @@ def component(name: str) -> str:
     return name.rpartition(".")[0]
 
 
-def arrange(signals: Iterable[Signal], interest: Iterable[str] = ()) -> tuple[list[Panel], list[Lane]]:
+def arrange(
+    signals: Iterable[Signal], interest: Iterable[str] = (), *, involved: Iterable[str] = ()
+) -> tuple[list[Panel], list[Lane]]:
     """Sort signals into panels and lanes and choose those to show at first.
 
     Shown are the first panel of position, velocity, following error and torque - the controller's view before
-    that of the drive - and the lanes of states. With many components every one gets panels of its own. Empty
-    signals are left out.
+    that of the drive - and the lanes of states. With many components every one gets panels of its own. Axes
+    and drives that rest in the whole case are not shown, unless the case is about them or nothing moves.
+    Empty signals are left out.
 
     Args:
         signals: All signals of a case.
         interest: Components whose panels are shown rather than those of others.
+        involved: Components that something happened to, so that they count as busy even at rest.
 
     """
-    panels: dict[tuple[str, str], Panel] = {}
+    panels: dict[tuple[str, str, bool], Panel] = {}
     lanes: list[Lane] = []
+    signals = list(signals)
+    wanted = set(interest)
+    idle = _at_rest(signals) - wanted - set(involved)
     for signal in signals:
         if len(signal.values) == 0 or len(signal.values) != len(signal.time_s):
             continue
         kind = _lane_kind(signal)
         if kind:
-            lanes.append(Lane(signal, kind, shown=kind == "state"))
+            rests = component(signal.name) in idle
+            lanes.append(Lane(signal, kind, shown=kind == "state" and not rests, idle=rests))
             continue
         title = _quantity(signal.name)
-        panels.setdefault((title, signal.unit), Panel(title, signal.unit)).signals.append(signal)
-    wanted = set(interest)
-    ranked = sorted(
-        (part for panel in panels.values() for part in _split(panel)), key=lambda panel: _rank(panel, wanted)
-    )
+        # Who rests has a panel of its own: a curve that never moves would only take room.
+        key = (title, signal.unit, component(signal.name) in idle)
+        panels.setdefault(key, Panel(title, signal.unit)).signals.append(signal)
+    parts = [part for panel in panels.values() for part in _split(panel)]
+    for part in parts:
+        part.idle = {component(signal.name) for signal in part.signals} <= idle
+    ranked = sorted(parts, key=lambda panel: _rank(panel, wanted))
     shown = _show(ranked, _ORDER[:_FIRST_SIGHT])
     if "Velocity" not in shown:
         shown |= _show(ranked, ("Speed",))
@@ -147,8 +162,8 @@ def _show(ranked: list[Panel], titles: Iterable[str]) -> set[str]:
 
 
 def _split(panel: Panel) -> list[Panel]:
-    """Sort the signals of a panel, setpoint first; divide it by component when it holds more than fits its
-    head.
+    """Sort the signals of a panel, setpoint first; divide it by component when it
+    holds more than fits its head.
     """
     panel.signals.sort(key=lambda signal: (component(signal.name), not is_setpoint(signal.name)))
     if len(panel.signals) <= _CROWDED:
@@ -162,8 +177,8 @@ def _split(panel: Panel) -> list[Panel]:
 def bands(lane: Lane) -> tuple[list[float], list[float | None]]:
     """Return start times [s] and values of the bands of a lane, at full resolution; None stands for a gap.
 
-    Past 3000 changes only the first of each short interval is kept: more than one band per pixel shows
-    nothing.
+    Past 3000 changes only the first of each short interval is kept: more than
+    one band per pixel shows nothing.
     """
     signal = lane.signal
     values = signal.values
@@ -176,6 +191,29 @@ def bands(lane: Lane) -> tuple[list[float], list[float | None]]:
         index = index[np.unique(slots, return_index=True)[1]]
     starts = [round(time, 7) for time in signal.time_s[index].tolist()]
     return starts, [value if math.isfinite(value) else None for value in values[index].tolist()]
+
+
+def _at_rest(signals: Iterable[Signal]) -> set[str]:
+    """Return the components that have a position or velocity, none of which moves by more than a thousandth
+    of what others of the same unit do; none where nothing moves.
+    """
+    spans: dict[str, dict[str, float]] = {}
+    for signal in signals:
+        if not signal.enum and _MOTION.search(base_name(signal.name)):
+            values = signal.values[np.isfinite(signal.values)]
+            span = float(values.max() - values.min()) if len(values) else 0.0
+            owner = spans.setdefault(component(signal.name), {})
+            owner[signal.unit] = max(owner.get(signal.unit, 0.0), span)
+    most: dict[str, float] = {}
+    for owner in spans.values():
+        for unit, span in owner.items():
+            most[unit] = max(most.get(unit, 0.0), span)
+    resting = {
+        name
+        for name, owner in spans.items()
+        if all(span <= 1e-3 * most[unit] for unit, span in owner.items())
+    }
+    return resting if any(most.values()) else set()
 
 
 def _lane_kind(signal: Signal) -> str:
@@ -196,12 +234,12 @@ def _lane_kind(signal: Signal) -> str:
     return ""
 
 
-def _rank(panel: Panel, interest: set[str]) -> tuple[int, bool, bool, bool]:
-    """Return the place of a panel: by quantity, then what is of interest, the controller's view, what has a
-    setpoint.
+def _rank(panel: Panel, interest: set[str]) -> tuple[int, bool, bool, bool, bool]:
+    """Return the place of a panel: by quantity, then what is not at rest, what is of interest, the
+    controller's view, what has a setpoint.
     """
     rank = _ORDER.index(panel.title) if panel.title in _ORDER else len(_ORDER)
     components = {component(signal.name) for signal in panel.signals}
     controller = any("axis" in name.lower() for name in components)
     both = any(is_setpoint(signal.name) for signal in panel.signals)
-    return rank, not controller, not components & interest, not both
+    return rank, panel.idle, not controller, not components & interest, not both

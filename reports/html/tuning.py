@@ -1,5 +1,5 @@
-"""A page with the attempts of an optimisation of a position controller: what every setting did, as curves and
-numbers.
+"""A page with the attempts of an optimisation of a position controller: what every
+setting did, as curves and numbers.
 """
 
 from __future__ import annotations

@@ -131,7 +131,5 @@ class BusUnderFaults(RuleBasedStateMachine):
         assert failed == []
 
 
-BusUnderFaults.TestCase.settings = settings(
-    backend="hypothesis", max_examples=25, stateful_step_count=12, deadline=None
-)
+BusUnderFaults.TestCase.settings = settings(max_examples=15, stateful_step_count=12, deadline=None)
 TestBusUnderFaults = pytest.mark.requirement("STP-514", "STP-331", "C301-001")(BusUnderFaults.TestCase)

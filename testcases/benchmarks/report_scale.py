@@ -128,7 +128,7 @@ def browse(page: Path) -> dict[str, float]:
         while not driver.find_elements("css selector", ".checks, .story"):
             pass
         words = time.perf_counter() - began
-        while not driver.find_elements("css selector", ".js-plotly-plot .scatterlayer .js-line"):
+        while not driver.find_elements("css selector", ".curve canvas"):
             pass
         return {
             "list_usable_s": round(timing["loadEventEnd"] / 1e3, 3),

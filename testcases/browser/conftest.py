@@ -77,11 +77,15 @@ class Browser:
 
     def plot(self) -> None:
         """Wait until the curves of the open case are drawn."""
-        self.until(lambda: self.all(".js-plotly-plot .scatterlayer .js-line"), "no curve was drawn")
+        self.until(lambda: self.all(".curve canvas"), "no curve was drawn")
 
     def range(self) -> list[float]:
         """Visible time range of the plot [s]."""
-        return self.js("return [...document.querySelector('.js-plotly-plot')._fullLayout.xaxis.range]")
+        return self.js("return [...document.querySelector('.plot').plot.range]")
+
+    def surface(self):
+        """Return the part of the plot that a pointer works on: the first panel."""
+        return self.one(".curve .u-over")
 
     def view(self, width: int, height: int, scheme: str) -> None:
         """Set window size and colour scheme."""

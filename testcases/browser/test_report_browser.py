@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import csv
+import re
 import time
 from urllib.parse import unquote
 
@@ -141,8 +144,8 @@ def test_curves_are_the_recorded_samples(browser, run):
     browser.open(f"#/case/{FAILED}")
     browser.plot()
     drawn = browser.js(
-        "return document.querySelector('.js-plotly-plot').data.slice(1).map((curve) => [[...curve.x], "
-        "[...curve.y]])"
+        "return document.querySelector('.plot').plot.visible().map((curve) => [[...curve.x], "
+        "[...curve.values]])"
     )
     names = [button.get_attribute("title").partition(":")[0] for button in browser.all(".panel-head button")]
     assert len(drawn) == len(names) >= 6
@@ -160,7 +163,7 @@ def test_dragging_zooms_all_panels_and_double_click_returns(browser):
     browser.plot()
     whole = browser.range()
     lanes = browser.js("return document.querySelector('.overlay').innerHTML")
-    surface = browser.one(".js-plotly-plot .nsewdrag")
+    surface = browser.surface()
     browser.actions().move_to_element_with_offset(surface, 40, 0).click_and_hold().move_by_offset(
         60, 0
     ).move_by_offset(60, 0).release().perform()
@@ -173,7 +176,7 @@ def test_dragging_zooms_all_panels_and_double_click_returns(browser):
     browser.open(browser.driver.current_url.partition(".html")[2])
     browser.plot()
     assert browser.range() == pytest.approx(zoomed, abs=1e-5)
-    browser.actions().double_click(browser.one(".js-plotly-plot .nsewdrag")).perform()
+    browser.actions().double_click(browser.surface()).perform()
     browser.until(
         lambda: browser.range() == pytest.approx(whole), "the double click did not show the whole case"
     )
@@ -191,16 +194,12 @@ def test_wheel_zooms_around_the_pointer_and_resizing_breaks_nothing(browser):
         browser.view(width, 900, "light")
         browser.until(
             lambda size=width: (
-                abs(
-                    browser.one(".js-plotly-plot .main-svg").rect["width"]
-                    - browser.one(".plot").rect["width"]
-                )
-                < 2
+                abs(browser.one(".curve canvas").rect["width"] - browser.one(".plot").rect["width"]) < 2
                 and browser.one(".plot").rect["width"] <= size
             ),
             "the plot did not follow the window",
         )
-    surface = browser.one(".js-plotly-plot .nsewdrag")
+    surface = browser.surface()
     before = browser.range()
     origin = ScrollOrigin.from_element(surface, 100, 0)
     browser.actions().scroll_from_origin(origin, 0, -400).perform()
@@ -260,7 +259,7 @@ def test_bus_messages_and_plot_follow_each_other(browser):
         browser.js("return new URLSearchParams(location.hash.split('?')[1]).get('t')")
     ) == pytest.approx(0.812178)
     assert browser.all(".bus tr.now")[0].text == broken[3].text
-    surface = browser.one(".js-plotly-plot .nsewdrag")
+    surface = browser.surface()
     browser.actions().move_to_element_with_offset(surface, -200, 0).click().perform()
     moment = float(browser.js("return new URLSearchParams(location.hash.split('?')[1]).get('t')"))
     assert moment < 0.8
@@ -302,11 +301,84 @@ def test_states_faults_alarms_and_limits_are_drawn(browser):
         "ALARM_DRIVE_STOP",
         "Operation enabled",
         "switch.positive_limit → drive1",
-        "531 remove enable",
+        "531 Hardware limit switch reached",
         "-1 … 1 mm/s",
         "standstill velocity",
     ):
         assert words in text
+
+
+def test_another_case_lies_under_the_curves(browser):
+    """Values of the other run stand in brackets, aligned on fault or start; the address keeps both."""
+    other = "alarm-reactions/alarm-521/encoder.freeze/halting"
+    browser.open(f"#/case/{FAILED}")
+    browser.plot()
+    browser.js(
+        "const pick = document.querySelector('.pick-run'); pick.value = 'case ' + arguments[0]; "
+        "pick.dispatchEvent(new Event('change'))",
+        other,
+    )
+    browser.until(
+        lambda: browser.js("return document.querySelector('.plot').plot.other !== null"), "no other run"
+    )
+    assert "(" in browser.one(".panel-head output").text
+    assert browser.js("return document.querySelector('.plot').plot.panels[0].ghosts[0].x.length") > 300
+    align = next(button for button in browser.all(".tool") if button.text == "Aligned on the fault")
+    align.click()
+    browser.until(lambda: align.text == "Aligned on the start", "the alignment did not change")
+    address = browser.driver.current_url.partition(".html")[2]
+    assert "by=start" in address
+    browser.open(address)
+    browser.until(
+        lambda: browser.js("return document.querySelector('.plot')?.plot.other"), "the address lost it"
+    )
+    assert browser.js("return document.querySelector('.plot').plot.other.data.id") == other
+
+
+def test_visible_signals_become_a_table(browser, run, tmp_path):
+    """The file has the visible curves with their units and the states, for the visible time alone."""
+    browser.driver.execute_cdp_cmd(
+        "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)}
+    )
+    browser.open(f"#/case/{FAILED}?z=0.7,0.9")
+    browser.plot()
+    next(button for button in browser.all(".tool") if button.text == "CSV").click()
+    (table,) = browser.until(lambda: list(tmp_path.glob("*.csv")), "no table was saved")
+    browser.until(lambda: table.stat().st_size > 1000, "the table is empty")
+    with table.open(newline="") as file:
+        head, *rows = csv.reader(file)
+    assert head[:2] == ["time [s]", "axis1.position_setpoint [mm]"]
+    assert "axis1.state" in head
+    times = [float(row[0]) for row in rows]
+    assert times == sorted(times)
+    assert 0.7 <= times[0] <= times[-1] <= 0.9
+    case = next(case for case in run.cases if case.identifier == FAILED)
+    signal = next(one for one in case.signals if one.name == "axis1.position_setpoint")
+    first = next(row for row in rows if row[1])
+    at = int(np.abs(signal.time_s - float(first[0])).argmin())
+    assert float(first[1]) == pytest.approx(signal.values[at], rel=1e-5)
+
+
+def test_labels_do_not_overlap_in_a_narrow_window(browser):
+    """At 420 px heads are above their curves, lanes have whole names, texts keep clear of each other."""
+    browser.view(420, 900, "light")
+    browser.open(f"#/case/{FAILED}")
+    browser.plot()
+    overlapping = browser.js("""
+        const all = ".overlay text, .ground text, .panel-head > *, .cursor i";
+        const texts = [...document.querySelectorAll(all)]
+          .filter((node) => node.checkVisibility({ visibilityProperty: true }) && node.textContent.trim());
+        const boxes = texts.map((node) => [node.textContent, node.getBoundingClientRect()]);
+        return boxes.flatMap(([one, a], i) => boxes.slice(i + 1)
+          .filter(([, b]) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
+            && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 3)
+          .map(([other]) => `${one} | ${other}`));
+    """)
+    assert overlapping == []
+    words = browser.js(
+        "return [...document.querySelectorAll('.overlay text')].map((node) => node.textContent)"
+    )
+    assert {"axis1.state", "drive1.state"} <= set(words)
 
 
 def test_picture_can_be_saved(browser, tmp_path):
@@ -406,7 +478,7 @@ def test_layout_fits_the_window(browser, width, scheme, tmp_path):
 
 
 def test_printing_shows_everything_of_a_case_in_light_colours(browser):
-    """On paper: plot, checks, story, faults and evidence of the case one below the other, and no controls."""
+    """On paper: plot, checks, story, faults and evidence one below the other on two pages, no controls."""
     browser.view(1440, 900, "dark")
     browser.open(f"#/case/{FAILED}")
     browser.plot()
@@ -416,16 +488,17 @@ def test_printing_shows_everything_of_a_case_in_light_colours(browser):
     for panel in ("checks", "faults", "evidence"):
         assert browser.one(f"#panel-{panel}").is_displayed()
     assert not browser.one(".toolbar").is_displayed()
-    assert browser.one(".plot").rect["width"] <= 1047
+    assert browser.one(".plot").rect["width"] <= 718
     browser.js("dispatchEvent(new Event('afterprint'))")
     browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
     assert browser.one(".toolbar").is_displayed()
+    options = {"preferCSSPageSize": True, "printBackground": True}
+    paper = base64.b64decode(browser.driver.execute_cdp_cmd("Page.printToPDF", options)["data"])
+    assert len(re.findall(rb"/Type\s*/Page\b", paper)) == 2
 
 
-def test_second_case_does_not_pay_for_the_plot_library(browser):
-    """The library is read once; stepping through cases afterwards leaves one plot in the page, not a pile of
-    them.
-    """
+def test_stepping_through_cases_leaves_one_plot(browser):
+    """A case that is left takes its plot along: no pile of them, and nothing else is loaded."""
     browser.open(f"#/case/{FAILED}")
     browser.plot()
     for _ in range(5):
@@ -435,5 +508,5 @@ def test_second_case_does_not_pay_for_the_plot_library(browser):
             lambda name=here: browser.one(".case-head .id").text != name, "the next case did not open"
         )
         time.sleep(0.05)
-    assert len(browser.all(".js-plotly-plot")) <= 1
-    assert browser.js("return document.querySelectorAll('head script').length") == 1
+    assert len(browser.all(".plot")) <= 1
+    assert browser.js("return document.querySelectorAll('head script').length") == 0

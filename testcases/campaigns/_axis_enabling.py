@@ -32,6 +32,7 @@ def noise(ctx: CaseContext) -> None:
     """
     axis, drive = axis_name(ctx), drive_name(ctx)
     increments = round(0.0002 * encoder_increments_per_revolution(ctx))
+    ctx.require(increments > 0, "an encoder with more than 2500 increments per revolution")
     ctx.inject("encoder.noise", drive, increments=increments, duration_s=1.0)
     ctx.run_for(0.1)
     enable(ctx)

@@ -20,9 +20,9 @@ from hil.expect import (
 )
 from hil.record import event
 from testcases.campaigns._commissioning import MONITORING_S, Operator, at_rest, greatest_deceleration
-from testcases.campaigns._profiles import profile_of
+from testcases.campaigns._profiles import of_profile
 from testcases.campaigns._reactions import cycles, machine_at_rest
-from testcases.campaigns.support import axis_name, drive_name, enable, grace_s, settle_s
+from testcases.campaigns.support import axis_name, can_segment, drive_name, enable, grace_s, settle_s
 
 CASES: Final = Campaign("commissioning", tags=("panel", "fault"), bench="reference")
 
@@ -130,12 +130,14 @@ _FAULTS: Final[dict[str, _Fault]] = {
         4,
     ),
     "actual-values-lost": (
-        lambda ctx: ctx.inject("frame.drop", "can0", message="tpdo1", duration_s=grace_s(ctx) + 0.4),
+        lambda ctx: ctx.inject(
+            "frame.drop", can_segment(ctx), message="tpdo1", duration_s=grace_s(ctx) + 0.4
+        ),
         431,
         4,
     ),
     "setpoints-lost": (
-        lambda ctx: ctx.inject("frame.drop", "can0", message="rpdo1", duration_s=0.6),
+        lambda ctx: ctx.inject("frame.drop", can_segment(ctx), message="rpdo1", duration_s=0.6),
         {"cia402": 550, "profidrive": 431},
         0,
     ),
@@ -172,8 +174,8 @@ _FAULTS: Final[dict[str, _Fault]] = {
     requirements=("COM-007", "COM-008", "COM-023"),
 )
 def fault(ctx: CaseContext, fault: str, motion: str) -> None:
-    """The alarm of any motion; the panel keeps control, nothing resumes by itself after the acknowledgement,
-    and the operator goes on.
+    """The alarm of any motion; the panel keeps control. After the acknowledgement nothing resumes by itself,
+    and an axis that the alarm has disabled stays off until the operator enables it.
     """
     operator = Operator(ctx).take()
     panel, axis, name = operator.panel, ctx.axis, axis_name(ctx)
@@ -187,7 +189,7 @@ def fault(ctx: CaseContext, fault: str, motion: str) -> None:
         ctx.run_for(0.4)
     since = ctx.now_s
     inject, numbers, reaction = _FAULTS[fault]
-    number = numbers if isinstance(numbers, int) else numbers[profile_of(ctx)]
+    number = numbers if isinstance(numbers, int) else of_profile(ctx, numbers)
     inject(ctx)
     ctx.run_for(1.8 + grace_s(ctx) + settle_s(ctx))
     ctx.expect(
@@ -197,9 +199,14 @@ def fault(ctx: CaseContext, fault: str, motion: str) -> None:
         status_word_bit(1, True, at=ctx.now_s, axis=name),
     )
     machine_at_rest(ctx, ctx.now_s)
+    kept = float(panel.enabled)
     ctx.do("acknowledge in the panel")
     panel.acknowledge()
-    ctx.wait_until(lambda: axis.alarms.engine.number == 0 and panel.enabled, 6.0, "the axis is there again")
+    ctx.wait_until(lambda: axis.alarms.engine.number == 0, 6.0, "acknowledged")
+    ctx.run_for(0.4)
+    ctx.measure("enabled after the acknowledgement", float(panel.enabled), low=kept, high=kept)
+    panel.enable()
+    ctx.wait_until(lambda: panel.enabled, 6.0, "the axis is there again")
     ctx.run_for(0.4)
     ctx.expect(
         never_happens(event("job.started", name, job=job.name), since=since).named(

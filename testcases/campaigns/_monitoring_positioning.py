@@ -27,7 +27,7 @@ from testcases.campaigns._loop import (
     until_setpoint_ends,
     write,
 )
-from testcases.campaigns.support import axis_name, drive_name, grace_s
+from testcases.campaigns.support import axis_name, can_segment, drive_name, grace_s
 
 CASES: Final = Campaign("monitoring", tags=("monitoring",), bench="reference")
 
@@ -280,7 +280,7 @@ def lost_while_settling(ctx: CaseContext, what: str) -> None:
     ctx.run_for(0.1)
     number, within = {"telegram": (431, grace_s(ctx)), "torque": (421, 0.1), "encoder": (411, 0.1)}[what]
     if what == "telegram":
-        ctx.inject("frame.drop", message="tpdo1")
+        ctx.inject("frame.drop", can_segment(ctx), message="tpdo1")
     elif what == "torque":
         ctx.inject("drive.fault", drive_name(ctx), code=0x8611)
     else:

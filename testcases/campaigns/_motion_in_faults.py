@@ -29,16 +29,24 @@ from testcases.campaigns._motion_in import (
     trapezoid,
     under_way,
 )
-from testcases.campaigns._profiles import by_profile, encoder_increments_per_revolution, profile_of
+from testcases.campaigns._profiles import by_profile, encoder_increments_per_revolution, of_profile
 from testcases.campaigns._reactions import machine_at_rest, recovers, stopped_for_good
-from testcases.campaigns.support import acknowledge, axis_name, drive_name, enable, grace_s, settle_s
+from testcases.campaigns.support import (
+    acknowledge,
+    axis_name,
+    can_segment,
+    drive_name,
+    enable,
+    grace_s,
+    settle_s,
+)
 
 CASES: Final = Campaign("motion in", tags=("motion-in", "fault"), bench="reference")
 
 
 def _frames_lost(ctx: CaseContext, message: str) -> None:
     lost_s = grace_s(ctx) + 0.6
-    ctx.inject("frame.drop", "can0", message=message, duration_s=lost_s)
+    ctx.inject("frame.drop", can_segment(ctx), message=message, duration_s=lost_s)
 
 
 def _jump(ctx: CaseContext) -> None:
@@ -104,7 +112,7 @@ def fault(ctx: CaseContext, fault: str, mode: str) -> None:
     job, program = MODES[mode](ctx, FAULT_SPEED)
     since = ctx.now_s
     inject, numbers, _ = _FAULTS[fault]
-    number = numbers if isinstance(numbers, int) else numbers[profile_of(ctx)]
+    number = numbers if isinstance(numbers, int) else of_profile(ctx, numbers)
     inject(ctx)
     ctx.run_for(1.6 + grace_s(ctx) + settle_s(ctx))
     ended = ctx.now_s

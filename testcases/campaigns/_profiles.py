@@ -4,15 +4,17 @@ only.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Final, TypeVar
 
 from hil.campaign import CaseContext
+from hil.errors import BlockedError
 from hil.record import EventSelector, event
 from testcases.campaigns.support import drive_name
 
 T = TypeVar("T")
 
-STATES: Final = {
+STATES: Final[Mapping[str, Mapping[str, str]]] = {
     "operating": {"cia402": "Operation enabled", "profidrive": "S4 operation"},
     "switched off": {"cia402": "Switch on disabled", "profidrive": "S1 switching on inhibited"},
     "off after a fault": {"cia402": "Fault", "profidrive": "S1 switching on inhibited"},
@@ -31,9 +33,24 @@ def by_profile(ctx: CaseContext, *, cia402: T, profidrive: T) -> T:
     return profidrive if profile_of(ctx) == "profidrive" else cia402
 
 
+def of_profile(ctx: CaseContext, values: Mapping[str, T]) -> T:
+    """Return what applies to the profile of the drive under test, by its name.
+
+    Raises:
+        BlockedError: There is nothing for that profile.
+
+    """
+    profile = profile_of(ctx)
+    if profile not in values:
+        raise BlockedError(
+            f"the case needs a drive with profile {' or '.join(values)}; {drive_name(ctx)} has {profile}"
+        )
+    return values[profile]
+
+
 def enters(ctx: CaseContext, what: str) -> EventSelector:
     """Select the instant at which the drive begins something, one of `STATES`."""
-    return event("drive.state", drive_name(ctx), to=STATES[what][profile_of(ctx)])
+    return event("drive.state", drive_name(ctx), to=of_profile(ctx, STATES[what]))
 
 
 def warns_of_mains(ctx: CaseContext) -> EventSelector:

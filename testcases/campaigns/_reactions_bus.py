@@ -15,6 +15,7 @@ from testcases.campaigns.support import (
     PHASES,
     axis_name,
     bring_into,
+    can_segment,
     drive_name,
     drive_setting,
     enable,
@@ -43,7 +44,7 @@ def actual_values_lost(ctx: CaseContext, phase: str) -> None:
     enable(ctx)
     bring_into(ctx, phase)
     lost_s = grace_s(ctx) + 0.5
-    ctx.inject("frame.drop", "can0", message="tpdo1", duration_s=lost_s)
+    ctx.inject("frame.drop", can_segment(ctx), message="tpdo1", duration_s=lost_s)
     ctx.run_for(lost_s + 1.0 + settle_s(ctx))
     ended = ctx.now_s
     ctx.expect(
@@ -79,7 +80,7 @@ def setpoints_lost(ctx: CaseContext, phase: str) -> None:
     # A PROFIdrive axis tolerates one wrong sign of life (PNU 925 = 1).
     tolerated = drive_setting(ctx, "missing_setpoints") if profile_of(ctx) == "cia402" else 2
     missing_s = tolerated * ctx.bench.cycle_ns * 1e-9
-    ctx.inject("frame.drop", "can0", message="rpdo1", duration_s=missing_s + 1.2)
+    ctx.inject("frame.drop", can_segment(ctx), message="rpdo1", duration_s=missing_s + 1.2)
     ctx.run_for(missing_s + 2.2 + settle_s(ctx))
     ended = ctx.now_s
     applied = event("fault.applied")
@@ -110,7 +111,7 @@ def two_actual_values_lost(ctx: CaseContext) -> None:
     axis = axis_name(ctx)
     enable(ctx)
     job = bring_into(ctx, "constant")
-    ctx.inject("frame.drop", "can0", message="tpdo1", count=2)
+    ctx.inject("frame.drop", can_segment(ctx), message="tpdo1", count=2)
     ctx.run_for(0.5)
     ctx.expect(
         no_alarm(axis=axis),
@@ -125,7 +126,7 @@ def corrupted_frames(ctx: CaseContext) -> None:
     axis = axis_name(ctx)
     enable(ctx)
     bring_into(ctx, "constant")
-    ctx.inject("frame.corrupt", "can0", message="tpdo1", count=10, attempts=2)
+    ctx.inject("frame.corrupt", can_segment(ctx), message="tpdo1", count=10, attempts=2)
     ctx.run_for(0.5)
     ctx.expect(no_alarm(axis=axis), state_at(axis, ctx.now_s, "MOTION"), happens(event("can.bus_error")))
 
@@ -136,7 +137,9 @@ def delayed_actual_values(ctx: CaseContext) -> None:
     axis = axis_name(ctx)
     enable(ctx)
     bring_into(ctx, "constant")
-    ctx.inject("frame.delay", "can0", message="tpdo1", delay_s=ctx.bench.cycle_ns * 0.75e-9, duration_s=0.2)
+    ctx.inject(
+        "frame.delay", can_segment(ctx), message="tpdo1", delay_s=ctx.bench.cycle_ns * 0.75e-9, duration_s=0.2
+    )
     ctx.run_for(0.5)
     ctx.expect(no_alarm(axis=axis, besides=(522,)), state_at(axis, ctx.now_s, "MOTION"))
 
@@ -216,7 +219,7 @@ def controller_heartbeat_lost(ctx: CaseContext, phase: str) -> None:
     ctx.run_for(0.3)
     bring_into(ctx, phase)
     consumer = drive_setting(ctx, "consumer_heartbeat_ms") * 1e-3
-    ctx.inject("frame.drop", "can0", message="controller_heartbeat", duration_s=consumer + 0.5)
+    ctx.inject("frame.drop", can_segment(ctx), message="controller_heartbeat", duration_s=consumer + 0.5)
     ctx.run_for(consumer + 1.5 + settle_s(ctx))
     ended = ctx.now_s
     ctx.expect(
@@ -245,7 +248,7 @@ def foreign_nmt(ctx: CaseContext, command: str, phase: str) -> None:
     enable(ctx)
     bring_into(ctx, phase)
     node = drive_setting(ctx, "node_id")
-    ctx.inject("frame.inject", "can0", can_id=0, data=f"{command}{node:02X}", count=1)
+    ctx.inject("frame.inject", can_segment(ctx), can_id=0, data=f"{command}{node:02X}", count=1)
     ctx.run_for(1.5 + settle_s(ctx))
     ended = ctx.now_s
     state = {"02": NmtState.STOPPED, "80": NmtState.PRE_OPERATIONAL}[command]

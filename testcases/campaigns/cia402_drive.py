@@ -12,7 +12,15 @@ from hil.campaign import Campaign, CaseContext
 from hil.expect import alarm, always, happens, never_happens, no_alarm
 from hil.record import event
 from testcases.campaigns._reactions import cycles, recovers
-from testcases.campaigns.support import axis_name, bring_into, drive_name, drive_setting, enable, settle_s
+from testcases.campaigns.support import (
+    axis_name,
+    bring_into,
+    can_segment,
+    drive_name,
+    drive_setting,
+    enable,
+    settle_s,
+)
 
 CAMPAIGN: Final = Campaign("cia402 drive", tags=("drive", "cia402"), bench="reference")
 
@@ -60,7 +68,7 @@ def sync_lost(ctx: CaseContext, phase: str) -> None:
     drive = drive_name(ctx)
     enable(ctx)
     bring_into(ctx, phase)
-    ctx.inject("frame.drop", "can0", can_id=0x080, duration_s=0.5)
+    ctx.inject("frame.drop", can_segment(ctx), can_id=0x080, duration_s=0.5)
     ctx.run_for(2.0 + settle_s(ctx))
     ctx.expect(
         happens(
@@ -87,7 +95,7 @@ def setpoints_missing(ctx: CaseContext, number: int) -> None:
     enable(ctx)
     bring_into(ctx, "constant")
     tolerated = int(drive_setting(ctx, "missing_setpoints"))
-    ctx.inject("frame.drop", "can0", message="rpdo1", count=number)
+    ctx.inject("frame.drop", can_segment(ctx), message="rpdo1", count=number)
     ctx.run_for(1.5 + settle_s(ctx))
     lost = event("drive.connection_lost", drive)
     since = event("fault.applied")
@@ -111,7 +119,7 @@ def nmt_of_others(ctx: CaseContext, command: str) -> None:
     enable(ctx)
     bring_into(ctx, "constant")
     other = int(drive_setting(ctx, "node_id")) + 1
-    ctx.inject("frame.inject", "can0", can_id=0, data=f"{command}{other:02X}", count=1)
+    ctx.inject("frame.inject", can_segment(ctx), can_id=0, data=f"{command}{other:02X}", count=1)
     ctx.run_for(0.5)
     ctx.expect(
         never_happens(event("nmt.state", drive_name(ctx)), since=event("fault.applied")).covers("C301-016"),

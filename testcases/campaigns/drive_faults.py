@@ -11,7 +11,7 @@ import numpy as np
 from hil.campaign import Campaign, CaseContext
 from hil.expect import alarm, always, happens, never_happens, no_alarm, state_at, stays_within
 from hil.record import event
-from testcases.campaigns._profiles import STATES, by_profile, enters, profile_of, warns_of_mains
+from testcases.campaigns._profiles import STATES, by_profile, enters, of_profile, profile_of, warns_of_mains
 from testcases.campaigns._reactions import cycles, disabled_by_alarm, recovers, stopped_for_good
 from testcases.campaigns.support import (
     acknowledge,
@@ -303,7 +303,7 @@ def weak_quick_stop(ctx: CaseContext) -> None:
     ctx.axis.power(False, stop_mode=1)
     ctx.run_for(2.5 + settle_s(ctx))
     trace = ctx.trace()
-    state = STATES["switched off"][profile_of(ctx)]
+    state = of_profile(ctx, STATES["switched off"])
     ends = [one for one in trace.select(source=drive, kind="drive.state") if one.data["to"] == state]
     off_s = ends[-1].time_ns * 1e-9
     ctx.check(happens(enters(ctx, "switched off"), since=before))

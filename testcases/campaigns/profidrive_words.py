@@ -6,8 +6,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive.words import STW1
+from hil.bench.telegram_master import TelegramMaster
 from hil.campaign import Campaign, CaseContext
+from hil.errors import BlockedError
 from hil.expect import always, happens, never_happens, state_at, value_at
 from hil.record import event
 
@@ -25,11 +28,24 @@ STEP_S: Final = 0.1
 S1, S2, S4 = "S1 switching on inhibited", "S2 ready for switching on", "S4 operation"
 
 
+def leading(ctx: CaseContext) -> TelegramMaster:
+    """Return the master of the telegram of the drive.
+
+    Raises:
+        BlockedError: The bench has no drive that a case can lead by its telegram.
+
+    """
+    try:
+        return ctx.bench.telegram(DRIVE)
+    except ConfigurationError as error:
+        raise BlockedError(f"the case leads a PROFIdrive drive by its telegram: {error}") from None
+
+
 def send(ctx: CaseContext, text: str, **signals: int) -> float:
     """Send words from now on, let the drive act, and return when that was, s."""
     ctx.do(text, **signals)
     before = ctx.now_s
-    ctx.bench.telegram(DRIVE).send(**signals)
+    leading(ctx).send(**signals)
     ctx.run_for(STEP_S)
     return before
 
@@ -84,7 +100,7 @@ def off3_is_kept(ctx: CaseContext) -> None:
     operate(ctx, SPEED)
     begun = ctx.now_s
     ctx.do("OFF3 for two cycles")
-    master = ctx.bench.telegram(DRIVE)
+    master = leading(ctx)
     master.send(STW1=RUN & ~int(STW1.NO_OFF3), NSOLL_B=SPEED)
     ctx.run_for(0.008)
     master.send(STW1=RUN, NSOLL_B=SPEED)

@@ -74,6 +74,20 @@ def drive_setting(ctx: CaseContext, name: str) -> Any:
     return getattr(section, name)
 
 
+def can_segment(ctx: CaseContext) -> str:
+    """Return the name of the CAN segment of the drive of the axis.
+
+    Raises:
+        BlockedError: It is not on CAN.
+
+    """
+    drive = drive_name(ctx)
+    name = str(ctx.bench.config.drive[drive].segment)
+    if ctx.bench.config.segment[name].on_modbus:
+        raise BlockedError(f"the case needs a drive on CAN, and {drive} is on {name}, which is not")
+    return name
+
+
 def permitted_error_mm(ctx: CaseContext) -> float:
     """Return the following error that the axis permits at 300 mm/s, mm."""
     read = ctx.axis.variables.read

@@ -2,7 +2,7 @@
 
 The backends: the virtual medium; a live segment over python-can's `virtual` bus, over `udp_multicast` on the
 loopback, through a serial-line adapter (`slcan`) on a pseudo-terminal, and over a SocketCAN interface, which
-the environment variable HIL_VCAN names (`testcases/vcan/run.py` makes one); and a bridge between two live
+the environment variable HIL_VCAN names (`hil vcan` makes one); and a bridge between two live
 buses, seen from its own process and from either side.
 """
 
@@ -152,7 +152,7 @@ def bridge_from_outside(channel):
 def socketcan(_channel):
     interface = os.environ.get("HIL_VCAN")
     if not interface:
-        pytest.skip("HIL_VCAN names no SocketCAN interface (python testcases/vcan/run.py -- pytest -m vcan)")
+        pytest.skip("HIL_VCAN names no SocketCAN interface (hil vcan --count 2 -- pytest -m vcan)")
     return live("socketcan", interface)
 
 

@@ -1,3 +1,3 @@
-"""Fuzzing of everything that takes bytes from a bus: `python -m testcases.fuzz --help`; docs/development.md
-explains it.
+"""Fuzzing of everything that takes bytes from a bus: `python -m testcases.fuzz --help`; it is explained in
+docs/explanation/development.md.
 """

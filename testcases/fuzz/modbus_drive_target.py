@@ -47,7 +47,7 @@ class _Rig:
     """
 
     def __init__(self, registers: str, telegram: int) -> None:
-        from emulators.drive.machine import LinearAxisConfig
+        from emulators.drive.machine import NO_SWITCHES, LinearAxisConfig
         from emulators.drive.profidrive import AxisState, DriveSettings, ProfidriveConfig
         from emulators.drive.profidrive.modbus import ProfidriveModbusConfig, ProfidriveModbusDrive
 
@@ -59,7 +59,8 @@ class _Rig:
             settings=DriveSettings(
                 operating_mode=2 if telegram == 111 else 3, ramp_up_s=0.1, ramp_down_s=0.1
             ),
-            mechanics=LinearAxisConfig(stops_m=(None, None)),
+            mechanics=LinearAxisConfig(negative_stop_mm=None, positive_stop_mm=None),
+            switches=NO_SWITCHES,
         )
         self.unit = ProfidriveModbusDrive(
             self.scheduler, ProfidriveModbusConfig(registers=registers, drive=config), name="drive"

@@ -6,7 +6,7 @@ import math
 from dataclasses import asdict, replace
 from typing import Final
 
-from emulators.drive.machine import LinearAxisConfig
+from emulators.drive.machine import NO_SWITCHES, LinearAxisConfig
 from emulators.drive.profidrive import (
     AxisState,
     DriveParameters,
@@ -34,7 +34,8 @@ class _Axis:
             telegram=telegram,
             isochronous=False,
             settings=DriveSettings(operating_mode=mode, ramp_up_s=1.0, ramp_down_s=1.0, quick_stop_s=0.5),
-            mechanics=LinearAxisConfig(stops_m=(None, None)),
+            mechanics=LinearAxisConfig(negative_stop_mm=None, positive_stop_mm=None),
+            switches=NO_SWITCHES,
             servo_period_ns=500_000,
         )
         self.drive = ProfidriveDrive(self.scheduler, self.config, name="drive")

@@ -1,5 +1,5 @@
-"""What is fuzzed, and what has to hold whatever comes: the promises of docs/development.md, layer by
-layer.
+"""What is fuzzed, and what has to hold whatever comes: the promises of
+docs/explanation/development.md, layer by layer.
 """
 
 from __future__ import annotations
@@ -409,7 +409,7 @@ def slcan() -> Take:
         for number, piece in enumerate(data.split(b"\xff")):
             answer = adapter.feed(piece)
             promise(_ANSWER.fullmatch(answer), f"answer {answer!r}")
-            answer = adapter.deliver(CanFrame(number, piece[:8]), number * MS, room=100)
+            answer = adapter.deliver(CanFrame(number, piece[:8]), number * MS, free=100)
             promise(_ANSWER.fullmatch(answer), f"delivery {answer!r}")
         adapter.feed(b"\rC\r")
         promise(adapter.feed(b"V\r").startswith(b"V"), "no version after a close")

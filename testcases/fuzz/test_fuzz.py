@@ -13,22 +13,22 @@ from testcases.fuzz.frames import LONGEST, encode, frames
 from testcases.fuzz.targets import targets
 
 INPUTS = {
-    "medium": 300,
-    "sdo": 20_000,
-    "slave": 3_000,
-    "master": 1_500,
-    "lss": 5_000,
-    "drive": 150,
-    "encoder": 2_000,
-    "slcan": 5_000,
-    "decoder": 10_000,
-    "parameters": 1_000,
-    "modbus": 1_500,
-    "telegram": 600,
-    "modbus_client": 1_000,
-    "modbus_drive": 800,
+    "medium": 240,
+    "sdo": 8_000,
+    "slave": 1_200,
+    "master": 600,
+    "lss": 2_000,
+    "drive": 140,
+    "encoder": 800,
+    "slcan": 2_000,
+    "decoder": 4_000,
+    "parameters": 400,
+    "modbus": 600,
+    "telegram": 240,
+    "modbus_client": 400,
+    "modbus_drive": 320,
 }
-"""Inputs per target in the test suite, a few seconds each; `python -m testcases.fuzz run` for as many as
+"""Inputs per target in the test suite, about a second each; `python -m testcases.fuzz run` for as many as
 wanted.
 """
 

@@ -391,7 +391,7 @@ def test_cyclic_synchronous_position(station, ready):
     )
     assert lag in (1, 2)
     assert max(abs(a - b) for a, b in zip(targets, seen[lag:], strict=False)) < 0.01 * REVOLUTION
-    assert station.drive.slave.get(0x2000, 2) == 0, "missing set-points"
+    assert station.drive.slave.get(0x2000, 2) == 0, "missing setpoints"
 
 
 @pytest.mark.requirement("C402-101", "C402-046")
@@ -408,7 +408,7 @@ def test_cyclic_synchronous_velocity(station, ready):
     # 10 rev/s for 0.3 s and two ramps of 0.3 s.
     assert ready.position - begin == pytest.approx(6 * REVOLUTION, rel=0.05)
     assert ready.velocity == pytest.approx(0, abs=RPM)
-    assert station.drive.slave.get(0x2000, 2) == 0, "missing set-points"
+    assert station.drive.slave.get(0x2000, 2) == 0, "missing setpoints"
 
 
 @pytest.mark.requirement("C402-104")

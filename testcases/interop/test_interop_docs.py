@@ -1,4 +1,4 @@
-"""The examples of `docs/interoperation.md` run as they stand there."""
+"""The examples of `docs/reference/interoperation.md` run as they stand there."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,7 @@ import pytest
 
 pytestmark = pytest.mark.exhaustive
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "interoperation.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "interoperation.md"
 EXAMPLES = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 

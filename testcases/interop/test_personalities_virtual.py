@@ -50,7 +50,7 @@ def test_the_library_drives_every_personality(of_personality, name):
 
 @pytest.mark.parametrize("name", personality_names())
 def test_positioning_by_the_library(of_personality, name):
-    """A set-point with bit 5 moves every personality; without it one ignores it, which its documentation
+    """A setpoint with bit 5 moves every personality; without it one ignores it, which its documentation
     says.
     """
     station = of_personality(name)
@@ -59,7 +59,7 @@ def test_positioning_by_the_library(of_personality, name):
         master.commission()
         master.enable("PROFILED POSITION")
         if load_personality(name).quirks.setpoint_needs_bit_5:
-            with pytest.raises(AssertionError, match="set-point acknowledge"):
+            with pytest.raises(AssertionError, match="setpoint acknowledge"):
                 master.give_setpoint(REVOLUTION)
             assert station.drive.axis.actual_position == 0
         master.give_setpoint(2 * REVOLUTION, IMMEDIATELY)

@@ -109,7 +109,7 @@ def test_a_drive_process_ends_with_its_pipe(tmp_path):
         process.wait()
 
 
-@pytest.mark.parametrize("pause_s", [None, 0.0, 0.1, 0.3])
+@pytest.mark.parametrize("pause_s", [None, 0.1])
 def test_ctrl_c_twice_ends_a_run_in_order(tmp_path, pause_s):
     """A second Ctrl-C while the run ends does not spoil the end: exit code 2, a report, no traceback."""
     run = start_run(tmp_path)

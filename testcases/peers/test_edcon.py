@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from emulators.drive.machine import LinearAxisConfig
+from emulators.drive.machine import NO_SWITCHES, LinearAxisConfig
+from emulators.drive.positioner_config import PositionerSettings
 from emulators.drive.profidrive.modbus import ProfidriveModbusConfig
-from emulators.drive.profidrive.positioner.config import PositionerSettings
 from testcases.peers.real_drive import RealDrive, real_drive, slow_servo
 
 PROGRAM = Path(__file__).with_name("edcon_motion.py")
@@ -91,8 +91,8 @@ def packages() -> Path:
 @pytest.fixture
 def device() -> Iterator[RealDrive]:
     """A drive with telegram 111 and the registers of a Festo drive."""
-    mechanics = LinearAxisConfig(stops_m=(None, None))
-    drive = slow_servo(111, positioner=POSITIONER, mechanics=mechanics)
+    mechanics = LinearAxisConfig(negative_stop_mm=None, positive_stop_mm=None)
+    drive = slow_servo(111, positioner=POSITIONER, mechanics=mechanics, switches=NO_SWITCHES)
     with real_drive("tcp", ProfidriveModbusConfig(drive=drive, registers="festo", processing_ns=0)) as made:
         yield made
 

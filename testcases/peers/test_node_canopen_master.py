@@ -191,7 +191,7 @@ def test_a_move_over_pdos(station, peer):
     target = start + 2 * encoder
     control(0x0F, target)
     control(0x1F, target)
-    peer.until(lambda: status(0x1000, 0x1000), "the acknowledgement of the set-point")
+    peer.until(lambda: status(0x1000, 0x1000), "the acknowledgement of the setpoint")
     control(0x0F, target)
     peer.until(lambda: status(0x1400, 0x0400), "target reached")
     assert newest()[1] == pytest.approx(target, abs=encoder // 100)

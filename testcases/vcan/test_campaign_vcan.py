@@ -19,8 +19,8 @@ import pytest
 from hil.bench import load_bench
 from reports.model import CaseResult, Verdict
 from reports.store import load_run
-from testcases.campaigns import stop_modes
 from testcases.campaigns.support import PHASES
+from testcases.stop_sample import sampled_stops
 
 pytestmark = pytest.mark.vcan
 
@@ -29,10 +29,8 @@ PATIENCE_S = 800.0
 
 FAULT_CASES = {
     "drive fault": "drive-fault/2310/constant",
-    "encoder fault": "encoder-fault/standstill",
-    "safe torque off": "safe-torque-off/accelerating",
     "actual values lost": "actual-values-lost/constant",
-    "set-points lost": "setpoints-lost/constant",
+    "setpoints lost": "setpoints-lost/constant",
     "frames corrupted": "corrupted-frames",
     "frames delayed": "delayed-actual-values",
     "supply lost": "node-off/constant",
@@ -40,12 +38,10 @@ FAULT_CASES = {
     "heartbeat of the controller lost": "controller-heartbeat-lost/standstill",
     "foreign NMT command": "nmt-80/constant",
     "limit switch": "limit-switch/constant",
-    "mechanics jammed": "jam/constant",
-    "load step": "load-step",
     "encoder jump": "encoder-jump/131072",
-    "two reactions": "precedence/stop-3/alarm-2",
 }
-"""One case of each family of faults."""
+"""One case of each family of faults on the bus, and of those of drive, switch and encoder; inside of a drive
+each of them goes the same way to its process."""
 IMPOSSIBLE = "fault-reactions/corrupted-frames"
 """Bit errors cannot be made through an adapter."""
 
@@ -94,43 +90,19 @@ def run_campaign(campaign: str, report: Path, channel: str) -> tuple[dict[str, o
     return summary, cases
 
 
-def stop_modes_to_run() -> list[tuple[str, str]]:
-    """Return combinations of stop and phase in which every stop occurs, and every pair that can matter on a
-    bus.
-
-    All 48 run in virtual time. What the real bus and clock add depends on who makes the ramp, controller or
-    drive (its kind), in each phase of motion; at standstill there is no ramp, and while coasting nobody makes
-    one. Those pairs are covered, greedily and in a fixed order.
-    """
-    wanted: dict[tuple[str, str], set[object]] = {}
-    for stop, facts in stop_modes.STOPS.items():
-        for phase in PHASES:
-            pairs = wanted[stop, phase] = {stop, phase}
-            if facts["ramp"] != "coast" and phase != "standstill":
-                pairs.add((facts["ramp"], phase))
-    missing: set[object] = set().union(*wanted.values())
-    chosen: list[tuple[str, str]] = []
-    while missing:
-        best = max(wanted, key=lambda combination: len(wanted[combination] & missing))
-        missing -= wanted[best]
-        chosen.append(best)
-    return chosen
-
-
 def test_stop_modes_on_a_live_bench(vcan_channel, tmp_path):
-    """Every stop, and every ramp in every phase of motion hold on the live bench; only lateness may block a
-    few.
+    """Ramps of the controller and of the drive hold on the live bench in every phase of motion; only lateness
+    may block one.
     """
-    chosen = stop_modes_to_run()
-    assert {stop for stop, _ in chosen} == set(stop_modes.STOPS)
-    assert len(chosen) < 20
+    chosen = sampled_stops(every_stop=False)
+    assert {phase for _, phase in chosen} == set(PHASES)
     file = tmp_path / "selection.py"
     names = tuple(f"stop-modes/{stop}/{phase}" for stop, phase in chosen)
     file.write_text(SELECTION.format(campaign="stop_modes", names=names), encoding="utf-8")
     summary, cases = run_campaign(str(file), tmp_path / "stop-modes", vcan_channel)
     assert sorted(case.identifier for case in cases) == sorted(names)
     assert (summary["failed"], summary["errors"]) == (0, 0)
-    assert summary["passed"] >= 0.9 * len(cases)
+    assert summary["passed"] >= len(cases) - 1
     for case in cases:
         assert case.verdict is Verdict.PASSED or " s late, more than the bench allows" in case.message
 

@@ -37,8 +37,7 @@ def _administrator():
     """Fail, and do not skip, where the network cannot be configured."""
     if os.geteuid() != 0:
         pytest.fail(
-            "rules of the kernel's gateway need root: python testcases/vcan/run.py --where uml -- pytest "
-            "-m vcan",
+            "rules of the kernel's gateway need root: hil vcan --count 2 --where uml -- pytest -m vcan",
             pytrace=False,
         )
 

@@ -135,7 +135,7 @@ def test_library_homes(master):
 
 @pytest.mark.requirement("C402-101")
 def test_library_moves_in_cyclic_velocity(master):
-    """Cyclic set-points by the kernel's periodic messages, which the library sets up: the drive follows."""
+    """Cyclic setpoints by the kernel's periodic messages, which the library sets up: the drive follows."""
     master.start_cyclic(0x60FF, 0, period_s=0.02)
     master.enable("CYCLIC SYNCHRONOUS VELOCITY")
     master.follow(0x60FF, [n * 10 * RPM for n in range(31)])

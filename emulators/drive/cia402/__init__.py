@@ -5,10 +5,10 @@ Delays, all in terms of the frame end of a SYNC (default servo period 0.25 ms, S
 * Actual values in the TPDOs of a SYNC are those of the last servo instant, at most one servo period old.
 * A control word or mode in a synchronous RPDO acts at that SYNC; its TPDOs already show the new state.
   Modes and status bits of the mode follow in the next control cycle (1 ms).
-* A set-point that becomes effective at a SYNC is taken up at the next servo instant, acts on the load
+* A setpoint that becomes effective at a SYNC is taken up at the next servo instant, acts on the load
   within the servo period after that, and is reached one 60C2h period later. With `torque_feedforward`
-  (default) csv therefore is a pure dead time of T + 0.25 ms behind the line through the set-points, without
-  lag; with `csv_interpolation=False` of 0.25 ms behind the staircase of set-points; with
+  (default) csv therefore is a pure dead time of T + 0.25 ms behind the line through the setpoints, without
+  lag; with `csv_interpolation=False` of 0.25 ms behind the staircase of setpoints; with
   `torque_feedforward=False` the lag T_vtc (2 ms) comes on top.
 * csp: the same dead time; at constant velocity no following error, while accelerating with a about a *
   T_vtc / Kv.
@@ -18,9 +18,7 @@ Delays, all in terms of the frame end of a SYNC (default servo period 0.25 ms, S
 
 from __future__ import annotations
 
-from emulators.drive.cia402.config import (
-    DriveConfig,
-)
+from emulators.drive.cia402.config import DriveConfig
 from emulators.drive.cia402.drive import CiA402Drive
 from emulators.drive.cia402.eds import EDS, EDS_PATH
 from emulators.drive.cia402.faults.rules import COASTING_FAULTS, RULES, FaultRule, fault_rule
@@ -28,13 +26,14 @@ from emulators.drive.cia402.personality import Personality, load_personality, pe
 from emulators.drive.cia402.quirks import EmcyCode, Quirks
 from emulators.drive.cia402.statemachine import Action, OptionCodes, PowerStateMachine, StopOption
 from emulators.drive.cia402.warnings import DriveWarning
+from emulators.drive.homing_config import HomingConfig
 from emulators.drive.machine import (
     BrakeConfig,
     EncoderConfig,
     LinearAxisConfig,
     RotaryAxisConfig,
     SafetyConfig,
-    SwitchConfig,
+    SwitchesConfig,
 )
 
 __all__ = [
@@ -50,6 +49,7 @@ __all__ = [
     "EmcyCode",
     "EncoderConfig",
     "FaultRule",
+    "HomingConfig",
     "LinearAxisConfig",
     "OptionCodes",
     "Personality",
@@ -58,7 +58,7 @@ __all__ = [
     "RotaryAxisConfig",
     "SafetyConfig",
     "StopOption",
-    "SwitchConfig",
+    "SwitchesConfig",
     "fault_rule",
     "load_personality",
     "personality_names",

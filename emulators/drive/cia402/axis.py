@@ -84,7 +84,7 @@ class ProfileAxis:
         self.values = values
         self.options = options
         self.units = Units(
-            counts_per_revolution=core.encoder.counts_per_revolution, rated_torque_Nm=config.rated_torque_Nm
+            counts_per_revolution=core.encoder.counts_per_revolution, rated_torque_Nm=config.rated_torque_nm
         )
         self._rad_per_inc = core.encoder.radians_per_increment
         self.home_shift = 0
@@ -102,13 +102,13 @@ class ProfileAxis:
         self.fitted_inputs = 0
         """Bits of 60FDh that a switch is wired to."""
         self.torque_cap: float | None = None
-        """Torque limit of the mode in force, Nm; `refresh` puts it into effect."""
+        """Torque limit of the mode in effect, Nm; `refresh` puts it into effect."""
         self.demand_excess = 0.0
         """Part of the commanded position that a limit holds back, rad."""
         self.synchronised = False
-        """SYNC drives the set-points."""
+        """SYNC drives the setpoints."""
         self.fresh = False
-        """A cyclic set-point has been written since the last SYNC."""
+        """A cyclic setpoint has been written since the last SYNC."""
         self.primed = False
         """607Ah has been written since power-on."""
         self.ramp_scale = 1.0
@@ -116,11 +116,11 @@ class ProfileAxis:
         self.protection_cap = math.inf
         """Torque limit because of overload or temperature, Nm, besides those of the objects."""
         self.derated = False
-        """`protection_cap` is in force."""
+        """`protection_cap` is in effect."""
         self.supervised = False
-        """A missing cyclic set-point counts."""
+        """A missing cyclic setpoint counts."""
         self.missing_count = 0
-        """Cyclic set-points that did not come."""
+        """Cyclic setpoints that did not come."""
         self.control_period_s = config.control_period_ns / 1e9
         self.control_steps = config.control_period_ns // config.servo_period_ns
         self.period_s = self.control_period_s
@@ -240,7 +240,7 @@ class ProfileAxis:
         self.home_shift = round(self.units.to_increments(position)) - increments
 
     def within_software_limits(self, position: int) -> int:
-        """Return the position clamped to 607Dh, where the limits are in force (C402-140, C402-162)."""
+        """Return the position clamped to 607Dh, where the limits are in effect (C402-140, C402-162)."""
         limits = self.software_limits
         if limits is None or not self.homed:
             return position
@@ -278,8 +278,8 @@ class ProfileAxis:
     # -- accelerations ---------------------------------------------------------------------------------
 
     def acceleration(self, index: int, limit_index: int) -> float:
-        """Return an acceleration object within its limit object, rad/s^2; 0 stands for the limit
-        (C402-075).
+        """Return an acceleration object within its limit object, rad/s^2; 0
+        stands for the limit (C402-075).
         """
         limit = self.values[limit_index << 8]
         value = self.values[index << 8] or limit

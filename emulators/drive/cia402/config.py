@@ -7,17 +7,29 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, Literal
 
+from emulators.checked_fields import check_fields
 from emulators.drive.cia402.faults.rules import COASTING_FAULTS
-from emulators.drive.cia402.homing_methods import DEFAULT_STOP_METHODS, supported_methods
 from emulators.drive.cia402.quirks import EmcyCode, Quirks
 from emulators.drive.core import ServoTuning
+from emulators.drive.homing_config import HomingConfig
+from emulators.drive.keys import (
+    BlockedTime_ms,
+    BootTime_ms,
+    CsvInterpolation,
+    FollowingError,
+    MissingSetpoints,
+    PowerOnDelay_ms,
+    RatedTorque_nm,
+    SyncJitter_percent,
+    SyncLoss,
+)
 from emulators.drive.machine import (
     BrakeConfig,
     EncoderConfig,
     LinearAxisConfig,
     RotaryAxisConfig,
     SafetyConfig,
-    SwitchConfig,
+    SwitchesConfig,
     check_number,
 )
 from emulators.drive.supply import SupplyConfig
@@ -25,10 +37,10 @@ from emulators.drive.thermal import ThermalConfig
 from fieldbus.clock import MS, US
 from fieldbus.errors import ConfigurationError
 
-_HOME_SWITCH: Final = SwitchConfig(high=-0.5, hysteresis=0.0005)
+_SWITCHES: Final = SwitchesConfig()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class DriveConfig:
     """An emulated drive.
 
@@ -37,33 +49,29 @@ class DriveConfig:
         servo_period_ns: Servo step, ns; a divisor of `control_period_ns`.
         control_period_ns: Cycle of modes, monitoring and status word, ns (C402-173).
         mechanics: The machine.
+        switches: Switches on the travel of a linear axis.
         encoder: The motor encoder.
         brake: The holding brake.
         tuning: Gains of the cascade.
         rated_current_A: What 1000 permille of 6078h are, A.
-        rated_torque_Nm: What 1000 permille of 6077h are, Nm.
+        rated_torque_nm: What 1000 permille of 6077h are, Nm.
         supply: DC link and mains.
         thermal: Temperatures and overload.
         safety: Safety inputs.
         self_test_s: From the boot-up frame to Switch on disabled, s; Not ready to switch on is visible
             for so long.
-        boot_time_s: From power-on or reset to the boot-up frame, s.
-        power_on_delay_s: Transition 3 takes this long, s (C402-173: 0 to 0.5).
-        blocked_time_s: Torque limit at standstill for this long is the fault 7121h, s; 0 = not watched.
-        limit_switch_reaction: `stop` with 6085h, `fault` 8612h, or `none`: the controller watches alone
-            (C402-161).
-        following_error_reaction: `fault` 8611h or `status` bit 13 only (C402-153).
+        boot_time_ms: From power-on or reset to the boot-up frame.
+        power_on_delay_ms: Transition 3 takes this long (C402-173: 0 to 500).
+        blocked_time_ms: Torque limit at standstill for this long is the fault 7121h; 0 = not watched.
+        limit_switch_reaction: `stop` with 6085h, `fault` 8612h, or `none`: the
+            controller watches alone (C402-161).
+        following_error: `fault` 8611h or `status` bit 13 only (C402-153).
         slippage_reaction: pv: `status` bit 13 only, or `fault` 8400h as well (C402-159).
-        sync_loss_reaction: `fault` 8700h, `warning` or `none` (C301-037).
-        sync_jitter: Part of 60C2h by which SYNC may come early or late in the cyclic modes before the
-            same reaction follows, 0 to 0.5; 0 = not watched (CANP-071).
-        missing_setpoints: Reaction 6007h after this many periods without set-point; 0 = never (C402-104).
-        home_offset: `profile` (6064h = -607Ch at the home point) or `vendor` (+607Ch) (C402-138).
-        homing_move: After the home position is known: `none` = come to rest, `zero` = move to position 0
-            (C402-138).
-        hard_stop_methods: Manufacturer's homing methods by number -4..-1: `positive`, `negative`,
-            `positive_index`, `negative_index` (C402-131, C402-132).
-        input_filter_s: A limit or home switch counts when it has been stable for this long, s.
+        sync_loss: `fault` 8700h, `warning` or `none` (C301-037).
+        sync_jitter_percent: Part of 60C2h by which SYNC may come early or late in the cyclic modes before the
+            same reaction follows, 0 to 50; 0 = not watched (CANP-071).
+        missing_setpoints: Reaction 6007h after this many periods without setpoint; 0 = never (C402-104).
+        homing: Options of homing in the drive.
         csv_interpolation: Whether csv reaches the target linearly within 60C2h, or at once.
         coasting_faults: EMCY codes after which the drive cannot brake.
         eds: EDS file to present on the bus; None = that of this drive.
@@ -79,29 +87,27 @@ class DriveConfig:
     servo_period_ns: int = 250 * US
     control_period_ns: int = 1 * MS
     mechanics: LinearAxisConfig | RotaryAxisConfig = field(default_factory=LinearAxisConfig)
+    switches: SwitchesConfig = field(default_factory=SwitchesConfig)
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
     brake: BrakeConfig = field(default_factory=BrakeConfig)
     tuning: ServoTuning = field(default_factory=ServoTuning)
     rated_current_A: float = 5.0
-    rated_torque_Nm: float = 2.0
+    rated_torque_nm: RatedTorque_nm = 2.0
     supply: SupplyConfig = field(default_factory=SupplyConfig)
     thermal: ThermalConfig = field(default_factory=ThermalConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
     self_test_s: float = 0.0
-    boot_time_s: float = 0.0
-    power_on_delay_s: float = 0.0
-    blocked_time_s: float = 0.0
+    boot_time_ms: BootTime_ms = 0.0
+    power_on_delay_ms: PowerOnDelay_ms = 0.0
+    blocked_time_ms: BlockedTime_ms = 0.0
     limit_switch_reaction: Literal["stop", "fault", "none"] = "stop"
-    following_error_reaction: Literal["fault", "status"] = "fault"
+    following_error: FollowingError = "fault"
     slippage_reaction: Literal["fault", "status"] = "status"
-    sync_loss_reaction: Literal["fault", "warning", "none"] = "fault"
-    sync_jitter: float = 0.0
-    missing_setpoints: int = 2
-    home_offset: Literal["profile", "vendor"] = "profile"
-    homing_move: Literal["none", "zero"] = "none"
-    hard_stop_methods: Mapping[int, str] = field(default_factory=lambda: dict(DEFAULT_STOP_METHODS))
-    input_filter_s: float = 0.0
-    csv_interpolation: bool = True
+    sync_loss: SyncLoss = "fault"
+    sync_jitter_percent: SyncJitter_percent = 0.0
+    missing_setpoints: MissingSetpoints = 2
+    homing: HomingConfig = field(default_factory=HomingConfig)
+    csv_interpolation: CsvInterpolation = True
     coasting_faults: frozenset[int] = COASTING_FAULTS
     eds: Path | None = None
     storage: Path | None = None
@@ -119,25 +125,9 @@ class DriveConfig:
                 self.servo_period_ns,
                 f"a divisor of control_period_ns = {self.control_period_ns}",
             )
-        for name in ("rated_current_A", "rated_torque_Nm"):
-            check_number(name, getattr(self, name), positive=True)
-        for name in ("boot_time_s", "self_test_s", "power_on_delay_s", "blocked_time_s"):
-            check_number(name, getattr(self, name))
-        for name, allowed in (
-            ("limit_switch_reaction", ("stop", "fault", "none")),
-            ("following_error_reaction", ("fault", "status")),
-            ("slippage_reaction", ("fault", "status")),
-            ("sync_loss_reaction", ("fault", "warning", "none")),
-            ("home_offset", ("profile", "vendor")),
-            ("homing_move", ("none", "zero")),
-        ):
-            if getattr(self, name) not in allowed:
-                raise ConfigurationError(name, getattr(self, name), ", ".join(allowed))
-        supported_methods(self.hard_stop_methods)
-        if not 0.0 <= self.sync_jitter <= 0.5:
-            raise ConfigurationError("sync_jitter", self.sync_jitter, "0 to 0.5 of the period")
-        if self.missing_setpoints < 0:
-            raise ConfigurationError("missing_setpoints", self.missing_setpoints, ">= 0")
+        check_number("rated_current_A", self.rated_current_A, positive=True)
+        check_number("self_test_s", self.self_test_s)
+        check_fields(self, "drive")
 
     @classmethod
     def reference(
@@ -148,8 +138,8 @@ class DriveConfig:
         max_speed_rpm: int = 3000,
         ramp_down_s: float = 1.0,
         quick_stop_s: float = 0.5,
-        home: SwitchConfig | None = _HOME_SWITCH,
-        position_m: float = 0.0,
+        switches: SwitchesConfig = _SWITCHES,
+        start_position_mm: float = 0.0,
     ) -> DriveConfig:
         """Return the reference axis of the worked numbers (STP-008 to STP-014).
 
@@ -163,8 +153,8 @@ class DriveConfig:
             max_speed_rpm: p1082: speed to which the ramp times refer, rpm; also 607Fh and 6080h.
             ramp_down_s: p1121 (OFF1): time from `max_speed_rpm` to zero, s; becomes 6084h and 6083h.
             quick_stop_s: p1135 (OFF3), s; becomes 6085h.
-            home: The home switch; None = there is none.
-            position_m: Start position of the slide, m.
+            switches: Switches on the travel.
+            start_position_mm: Start position of the slide, mm.
 
         """
         check_number("ramp_down_s", ramp_down_s, positive=True)
@@ -173,15 +163,10 @@ class DriveConfig:
             raise ConfigurationError("sync_period_ms", sync_period_ms, "1..255")
         speed = max_speed_rpm * 1000
         slow_down = round(speed / ramp_down_s)
-        switches = {
-            "negative_limit": SwitchConfig(high=-0.55, hysteresis=0.0005),
-            "positive_limit": SwitchConfig(low=0.55, hysteresis=0.0005),
-        }
-        if home is not None:
-            switches["home"] = home
         return cls(
             node_id=node_id,
-            mechanics=LinearAxisConfig(position_m=position_m, switches=switches),
+            mechanics=LinearAxisConfig(start_position_mm=start_position_mm),
+            switches=switches,
             objects={
                 (0x605B, 0): 1,
                 (0x607F, 0): speed,

@@ -98,29 +98,6 @@ class CiA402Drive(MainsDrive):
 
     """
 
-    __slots__ = (
-        "_control_period_s",
-        "_self_test",
-        "_toggle",
-        "axis",
-        "config",
-        "faults",
-        "function",
-        "machine",
-        "monitors",
-        "node",
-        "parameters",
-        "protection",
-        "reactions",
-        "refresh_status",
-        "safety",
-        "slave",
-        "status_word",
-        "touch_probe",
-        "trace_columns",
-        "warnings",
-    )
-
     trace_enums: ClassVar = value_texts(_COLUMNS)
 
     def __init__(
@@ -136,11 +113,11 @@ class CiA402Drive(MainsDrive):
         train = build_drive_train(
             scheduler,
             mechanics=config.mechanics,
+            switches=config.switches,
             encoder=config.encoder,
             brake=config.brake,
             tuning=config.tuning,
             servo_period_ns=config.servo_period_ns,
-            input_filter_s=config.input_filter_s,
             rng=rng,
         )
         super().__init__(
@@ -151,7 +128,7 @@ class CiA402Drive(MainsDrive):
             power=train.build_power_stage(
                 supply=config.supply,
                 thermal=config.thermal,
-                rated_torque_Nm=config.rated_torque_Nm,
+                rated_torque_Nm=config.rated_torque_nm,
             ),
             control_period_ns=config.control_period_ns,
         )
@@ -165,7 +142,7 @@ class CiA402Drive(MainsDrive):
             config.node_id,
             name=name,
             history=history,
-            boot_time_s=config.boot_time_s,
+            boot_time_s=config.boot_time_ms / 1000.0,
             storage=config.storage,
         )
         self.slave = self.node.slave
@@ -250,9 +227,12 @@ class CiA402Drive(MainsDrive):
         self.touch_probe.on_event = self._on_probe
         self.digital_inputs.on_probe = self.touch_probe.on_input
         slave.on_sync.append(self._on_sync)
-        if config.sync_jitter:
+        if config.sync_jitter_percent:
             jitter = SyncJitter(
-                function, config.sync_jitter, on_jitter=self.reactions.sync_lost, emit=self.emit
+                function,
+                config.sync_jitter_percent / 100.0,
+                on_jitter=self.reactions.sync_lost,
+                emit=self.emit,
             )
             slave.on_sync.append(jitter.on_sync)
         slave.on_nmt_state.append(self._on_nmt_state)
@@ -291,15 +271,15 @@ class CiA402Drive(MainsDrive):
             (0x608F, 1): config.encoder.counts_per_revolution,
             (0x6090, 1): config.encoder.counts_per_revolution,
             (0x6075, 0): round(config.rated_current_A * 1000.0),
-            (0x6076, 0): round(config.rated_torque_Nm * 1000.0),
+            (0x6076, 0): round(config.rated_torque_nm * 1000.0),
             (0x6510, 1): config.servo_period_ns // 1000,
         }
         if config.eds is None:
-            listed = list(supported_methods(config.hard_stop_methods))
+            listed = list(supported_methods(config.homing))
             derived[0x60E3, 0] = len(listed)
             listed += [0] * (len(SUPPORTED_HOMING) - len(listed))
             derived.update({(0x60E3, sub): method for sub, method in enumerate(listed, 1)})
-        self.node.require(REQUIRED, "CiA 402 drive")
+        self.node.require(REQUIRED, "CiA 402 drive", config.eds)
         adapt_entries(self.slave.store)
         self.node.add_missing(all_objects())
         self.node.set_defaults({**derived, **coupled_values(config.objects), **config.objects}, "drive")
@@ -313,7 +293,7 @@ class CiA402Drive(MainsDrive):
 
     @property
     def mode(self) -> ModeOfOperation:
-        """Mode in force (6061h)."""
+        """Mode in effect (6061h)."""
         return self.function.mode
 
     @property
@@ -323,7 +303,7 @@ class CiA402Drive(MainsDrive):
 
     @property
     def sto_active(self) -> bool:
-        """Whether safe torque off is in force."""
+        """Whether safe torque off is in effect."""
         return self.safety.torque_off
 
     # -- life ------------------------------------------------------------------------------------------
@@ -463,7 +443,7 @@ class CiA402Drive(MainsDrive):
             self.status_word.show_mode()
         axis = self.axis
         if axis.synchronised and self.scheduler.now - slave.sync.time_ns > _SYNC_PAUSE_NS:
-            # SYNC has stopped: set-points come by SDO or event-driven PDOs, if at all.
+            # SYNC has stopped: setpoints come by SDO or event-driven PDOs, if at all.
             axis.synchronised = self.scheduler.now - slave.sync.time_ns < 10e9 * axis.period_s
         function.cycle()
         self.monitors.update(self._control_period_s)
@@ -551,8 +531,8 @@ class CiA402Drive(MainsDrive):
         return self.slave.values[index << 8 | sub] if hook is None else hook()
 
     def trace_row(self) -> tuple[float, ...]:
-        """Return the present values of `trace_columns`; position and velocity are those of the true
-        mechanics.
+        """Return the present values of `trace_columns`; position and velocity
+        are those of the true mechanics.
         """
         core = self.core
         values = self.slave.values
@@ -636,7 +616,7 @@ class CiA402Drive(MainsDrive):
 
     def limit_torque(self, share: float | None) -> None:
         """Limit the torque to a share of the rated one; None = not."""
-        self.protection.cap_torque(math.inf if share is None else share * self.config.rated_torque_Nm)
+        self.protection.cap_torque(math.inf if share is None else share * self.config.rated_torque_nm)
         self.refresh_status()
 
     # -- encoder ---------------------------------------------------------------------------------------

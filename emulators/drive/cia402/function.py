@@ -33,7 +33,7 @@ _MODE_PRIORITY: Final = 50
 
 
 class DriveFunction:
-    """Executes what the state machine asks for and lets set-points through or not.
+    """Executes what the state machine asks for and lets setpoints through or not.
 
     Args:
         scheduler: Time of power-on and brake delays.
@@ -41,29 +41,6 @@ class DriveFunction:
         axis: The motor as the profile sees it.
 
     """
-
-    __slots__ = (
-        "_closing_timer",
-        "_early_edges",
-        "_power_timer",
-        "_scheduler",
-        "_unseen_cycles",
-        "axis",
-        "following",
-        "homing",
-        "interpolation",
-        "limit_stop",
-        "local_control",
-        "machine",
-        "mode",
-        "modes",
-        "on_change",
-        "on_fault_reset",
-        "on_following",
-        "profile_velocity",
-        "released",
-        "word",
-    )
 
     def __init__(self, scheduler: Scheduler, *, machine: PowerStateMachine, axis: ProfileAxis) -> None:
         self._scheduler = scheduler
@@ -87,21 +64,21 @@ class DriveFunction:
         self.modes: Final = {mode.number: mode for mode in modes}
         """Every mode by its number in 6060h."""
         self.mode: ModeOfOperation = self.modes[0]
-        """Mode in force."""
+        """Mode in effect."""
         self.word = 0
         """Last control word."""
         self.local_control = False
         """Control words are ignored."""
         self.released = False
-        """The brake is open: set-points may pass."""
+        """The brake is open: setpoints may pass."""
         self.limit_stop = False
         """A stop at a limit switch is under way."""
         self.following = False
-        """The mode executes its set-points."""
+        """The mode executes its setpoints."""
         self.on_fault_reset: Callable[[], None] = _nothing
         """Called after transition 15."""
         self.on_following: Callable[[], None] = _nothing
-        """Called when set-points begin to count."""
+        """Called when setpoints begin to count."""
         self.on_change: Callable[[], None] = _nothing
         """Called after a change that was not caused by a call from outside."""
         self._closing_timer: Timer | None = None
@@ -137,7 +114,7 @@ class DriveFunction:
                     self._early_edges = (self._early_edges | changed & _MODE_BITS) & word
 
     def _control_mode(self, changed: int) -> None:
-        """Have the mode look at its bits: the set-point of the same PDO may stand behind the control word."""
+        """Have the mode look at its bits: the setpoint of the same PDO may stand behind the control word."""
         self._scheduler.at(
             self._scheduler.now, partial(self._mode_control, self.word, changed), priority=_MODE_PRIORITY
         )
@@ -155,7 +132,7 @@ class DriveFunction:
         self._mode_control(self.word, 0)
 
     def change_mode(self, number: int) -> None:
-        """Put another mode in force (C402-089)."""
+        """Put another mode in effect (C402-089)."""
         mode = self.modes.get(number)
         if mode is None or mode is self.mode:
             return
@@ -205,7 +182,7 @@ class DriveFunction:
         machine = self.machine
         if action is Action.POWER_ON:
             self._unseen_cycles = 0
-            delay_ns = seconds_to_ns(self.axis.config.power_on_delay_s)
+            delay_ns = seconds_to_ns(self.axis.config.power_on_delay_ms / 1000.0)
             if delay_ns:
                 _cancel(self._power_timer)
                 self._power_timer = self._scheduler.after(delay_ns, self._power_is_on)
@@ -248,7 +225,7 @@ class DriveFunction:
         self.following = False
 
     def settle(self) -> None:
-        """Find out whether set-points count now."""
+        """Find out whether setpoints count now."""
         following = (
             self.released
             and self.axis.core.enabled
@@ -272,7 +249,7 @@ class DriveFunction:
         self.on_change()
 
     def _release(self) -> None:
-        """Let set-points through, as soon as the brake is open (C402-173)."""
+        """Let setpoints through, as soon as the brake is open (C402-173)."""
         if self.axis.core.brake.closed:
             return
         self.released = True
@@ -280,7 +257,7 @@ class DriveFunction:
         if self.axis.halted:
             self._stop_for_halt()
         if self._early_edges:
-            # Who waits for an answer to them would wait for ever.
+            # Who waits for an answer to them would wait forever.
             self._control_mode(self._early_edges)
             self._early_edges = 0
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
-from fieldbus.errors import ConfigurationError
+from emulators.drive.homing_config import HomingConfig, StopMethod
 
 NEGATIVE_LIMIT: Final = 1 << 0
 POSITIVE_LIMIT: Final = 1 << 1
@@ -19,7 +19,7 @@ HOME: Final = 1 << 2
 """Bits of 60FDh."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class OnSwitch:
     """Home at the edge of a switch, or at the first index behind it.
 
@@ -58,14 +58,14 @@ class OnSwitch:
         return 1 if self.before > zone else -1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class OnIndex:
     """Home at the next index in a direction."""
 
     direction: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class OnStop:
     """Home at a hard stop, or at the first index on the way back from it."""
 
@@ -73,7 +73,7 @@ class OnStop:
     index: bool
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Here:
     """Home at the present position, without motion."""
 
@@ -107,7 +107,7 @@ METHODS: Final[Mapping[int, Method]] = {
 }
 """The methods that the profile defines; 15, 16, 31, 32 and 36 are reserved (C402-119, C402-125, C402-128)."""
 
-STOP_METHODS: Final[Mapping[str, OnStop]] = {
+STOP_METHODS: Final[Mapping[StopMethod, OnStop]] = {
     "positive": OnStop(1, index=False),
     "negative": OnStop(-1, index=False),
     "positive_index": OnStop(1, index=True),
@@ -115,30 +115,10 @@ STOP_METHODS: Final[Mapping[str, OnStop]] = {
 }
 """What a manufacturer's method can be, by its name in a configuration."""
 
-DEFAULT_STOP_METHODS: Final[Mapping[int, str]] = {
-    -1: "positive_index",
-    -2: "negative_index",
-    -3: "positive",
-    -4: "negative",
-}
-"""C402-131, C402-132."""
 
-
-def supported_methods(stop_methods: Mapping[int, str]) -> dict[int, Method]:
-    """Return all methods of a drive by number: those of the profile and its own.
-
-    Args:
-        stop_methods: Names of `STOP_METHODS` by number, -4..-1.
-
-    Raises:
-        ConfigurationError: A number or a name is not allowed.
-
-    """
-    methods: dict[int, Method] = {}
-    for number, name in sorted(stop_methods.items()):
-        if not -4 <= number <= -1:
-            raise ConfigurationError("hard stop method", number, "-4..-1")
-        if name not in STOP_METHODS:
-            raise ConfigurationError(f"hard stop method {number}", name, ", ".join(STOP_METHODS))
-        methods[number] = STOP_METHODS[name]
-    return {**methods, **METHODS}
+def supported_methods(config: HomingConfig) -> dict[int, Method]:
+    """Return all homing methods of a drive by number: those of the profile and its own."""
+    own: dict[int, StopMethod] = {-1: "positive_index", -2: "negative_index", -3: "positive", -4: "negative"}
+    own |= {int(number): name for number, name in config.hard_stop_methods.items()}
+    stops = {number: STOP_METHODS[name] for number, name in sorted(own.items()) if name != "unsupported"}
+    return {**stops, **METHODS}

@@ -21,18 +21,16 @@ class Monitors:
 
     """
 
-    __slots__ = ("_axis", "_blocked", "_core", "_following", "_function", "_raise_fault", "_trips")
-
     def __init__(
         self, config: DriveConfig, function: DriveFunction, raise_fault: Callable[[int], None]
     ) -> None:
-        self._trips = config.following_error_reaction == "fault"
+        self._trips = config.following_error == "fault"
         self._function = function
         self._axis = function.axis
         self._core = function.axis.core
         self._raise_fault = raise_fault
         self._following = WindowTimer()
-        self._blocked = WindowTimer(config.blocked_time_s)
+        self._blocked = WindowTimer(config.blocked_time_ms / 1000.0)
 
     def reset(self) -> None:
         """Start again."""

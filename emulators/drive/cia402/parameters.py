@@ -18,8 +18,6 @@ class Parameters:
 
     """
 
-    __slots__ = ("_axis", "_emit", "changed", "outputs")
-
     def __init__(self, axis: ProfileAxis, emit: Emit) -> None:
         self._axis = axis
         self._emit = emit

@@ -46,7 +46,7 @@ _DRIVE_KEYS: Final[Mapping[str, type | tuple[type, ...]]] = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Personality:
     """A family of drives.
 
@@ -71,7 +71,7 @@ class Personality:
 
     @property
     def deviations(self) -> tuple[str, ...]:
-        """Names under which `sources` tells where a deviation is documented."""
+        """Names under which `sources` says where a deviation is documented."""
         standard = Quirks()
         return (
             *(
@@ -85,19 +85,25 @@ class Personality:
         )
 
     def apply(self, config: DriveConfig) -> DriveConfig:
-        """Return `config` with this personality; objects that `config` sets itself win.
+        """Return `config` with this personality; what `config` says itself of objects and home offset wins.
 
         Raises:
             ConfigurationError: A value does not fit the drive.
 
         """
+        changes = dict(self.drive)
+        offset = changes.pop("home_offset", None)
+        if offset not in (None, "profile", "vendor"):
+            raise ConfigurationError("drive.home_offset", offset, "profile, vendor")
+        if offset is not None and config.homing.offset is None:
+            changes["homing"] = replace(config.homing, offset=offset)
         return replace(
             config,
             personality=self.name,
             quirks=self.quirks,
             emcy=self.emcy,
             objects={**self.objects, **config.objects},
-            **self.drive,
+            **changes,
         )
 
 
@@ -125,8 +131,8 @@ def load_personality(reference: str | Path) -> Personality:
 
 @cache
 def _shipped(name: str) -> Personality:
-    """Return a personality of the product; its file does not change while it runs, and every bench asks for
-    it.
+    """Return a personality of the product; its file does not change while it
+    runs, and every bench asks for it.
     """
     if name not in personality_names():
         raise ConfigurationError("personality", name, f"{', '.join(personality_names())}, or a file *.toml")

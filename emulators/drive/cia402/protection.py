@@ -49,32 +49,6 @@ class Protection:
 
     """
 
-    __slots__ = (
-        "_axis",
-        "_core",
-        "_fall_back_s",
-        "_function",
-        "_link_state",
-        "_machine",
-        "_motor_cap",
-        "_parameters",
-        "_phase_s",
-        "_power_timer",
-        "_raise_fault",
-        "_rated_torque_Nm",
-        "_refresh_status",
-        "_scheduler",
-        "_warnings",
-        "cap_Nm",
-        "dc_link",
-        "injected_cap_Nm",
-        "motor",
-        "motor_overload",
-        "power",
-        "stage",
-        "stage_overload",
-    )  # fmt: skip
-
     def __init__(
         self,
         scheduler: Scheduler,
@@ -88,7 +62,7 @@ class Protection:
         refresh_status: Callable[[], None],
     ) -> None:
         self._scheduler = scheduler
-        self._rated_torque_Nm = config.rated_torque_Nm
+        self._rated_torque_Nm = config.rated_torque_nm
         self._fall_back_s = config.quirks.falls_back_without_power_s
         self._axis = function.axis
         self._core = function.axis.core
@@ -111,7 +85,7 @@ class Protection:
         self.injected_cap_Nm = math.inf
         """Torque limit set by a test, Nm."""
         self.cap_Nm = math.inf
-        """Torque limit in force because of overload, temperature or a test, Nm."""
+        """Torque limit in effect because of overload, temperature or a test, Nm."""
 
     @property
     def derated(self) -> bool:

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from fieldbus.errors import ConfigurationError
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Quirks:
     """Deviations from the profile; all off by default.
 
     Args:
-        halt_blocks_acknowledge: pp: while halt is set, a new set-point is not acknowledged; it is taken
+        halt_blocks_acknowledge: pp: while halt is set, a new setpoint is not acknowledged; it is taken
             when halt is withdrawn with bit 4 still set.
         auto_reset_s: A fault clears itself this long after its cause is gone, s; 0 = never.
         auto_reset_attempts: So often in a row, until a reset by the controller or a restart.
@@ -28,8 +28,8 @@ class Quirks:
         csp_jumps_unprimed: csp follows 607Ah at once, also when it has never been written and still is 0.
         silent_until_ready: In Not ready to switch on no PDO with the status word is sent and 6041h cannot
             be read.
-        single_setpoint: pp: there is no buffer; a set-point during a motion is taken only with bit 5.
-        setpoint_needs_bit_5: pp: a set-point without bit 5 is ignored.
+        single_setpoint: pp: there is no buffer; a setpoint during a motion is taken only with bit 5.
+        setpoint_needs_bit_5: pp: a setpoint without bit 5 is ignored.
         status_homed: Bits of the status word that show "homed", until power is switched off.
         status_homing_refused: Bits of the status word that show that the last homing was refused or failed.
         skips_switched_on: 000Fh in Ready to switch on leads straight to Operation enabled; Switched on is
@@ -75,7 +75,7 @@ class Quirks:
         return bool(self.status_homed or self.status_homing_refused or self.homing_finishes_on_release)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class EmcyCode:
     """What is sent instead of an EMCY code of the profile.
 

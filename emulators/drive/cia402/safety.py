@@ -35,27 +35,6 @@ class SafetyFunctions:
 
     """
 
-    __slots__ = (
-        "_config",
-        "_core",
-        "_function",
-        "_inputs",
-        "_limit",
-        "_machine",
-        "_parameters",
-        "_raise_fault",
-        "_refresh_status",
-        "_scheduler",
-        "_ss1_timer",
-        "_start_ns",
-        "_warnings",
-        "interlock_open",
-        "monitoring",
-        "ss1_input",
-        "sto_input",
-        "torque_off",
-    )
-
     def __init__(
         self,
         scheduler: Scheduler,
@@ -89,11 +68,11 @@ class SafetyFunctions:
         self.monitoring = False
         """The ramp of safe stop 1 has to be watched in every control cycle."""
         self.torque_off = False
-        """Safe torque off is in force."""
+        """Safe torque off is in effect."""
 
     @property
     def bits(self) -> int:
-        """2108h: bit 0 safe torque off in force, 1 its input, 2 input of safe stop 1, 3 its ramp runs, 4
+        """2108h: bit 0 safe torque off in effect, 1 its input, 2 input of safe stop 1, 3 its ramp runs, 4
         interlock open.
         """
         return (
@@ -112,8 +91,8 @@ class SafetyFunctions:
         self._settle()
 
     def set_ss1(self, active: bool) -> None:
-        """Demand safe stop 1, or release it: the drive brakes with its quick stop, then safe torque off
-        follows.
+        """Demand safe stop 1, or release it: the drive brakes with its quick
+        stop, then safe torque off follows.
         """
         if active is self.ss1_input:
             return
@@ -202,7 +181,7 @@ class SafetyFunctions:
     # -- safe torque off -------------------------------------------------------------------------------
 
     def _settle(self, *, silent: bool = False) -> None:
-        """Put safe torque off in force, or release it (C402-030)."""
+        """Put safe torque off in effect, or release it (C402-030)."""
         machine = self._machine
         wanted = self.sto_input or (self.ss1_input and not self.monitoring)
         if wanted is self.torque_off:

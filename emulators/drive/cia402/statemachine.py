@@ -1,9 +1,9 @@
 """Power drive system state machine of CiA 402, without time, bus or motor (C402-001 to C402-031).
 
-`PowerStateMachine` gets control words and events and answers with an `Action`: what the drive has to do. A
-stop ramp
-belongs to the drive; while it runs the machine waits for `stop_finished`. During the ramp of Shutdown or
-Disable operation the state stays Operation enabled, and the transition is made at standstill (STP-543).
+`PowerStateMachine` gets control words and events and answers with an `Action`: what the drive has
+to do. A stop ramp belongs to the drive; while it runs the machine waits for `stop_finished`.
+During the ramp of Shutdown or Disable operation the state stays Operation enabled, and the
+transition is made at standstill (STP-543).
 """
 
 from __future__ import annotations
@@ -40,9 +40,7 @@ _STATES_WITH_TORQUE: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STO
 
 
 class OptionCodes:
-    """Option codes in force (C402-049 to C402-073)."""
-
-    __slots__ = ("abort_connection", "disable_operation", "fault_reaction", "halt", "quick_stop", "shutdown")
+    """Option codes in effect (C402-049 to C402-073)."""
 
     def __init__(self) -> None:
         self.abort_connection = 1
@@ -63,28 +61,6 @@ class PowerStateMachine:
         on_transition: Called with number, old and new state after every transition.
 
     """
-
-    __slots__ = (
-        "_on_transition",
-        "_previous_word",
-        "_quick_stop_option",
-        "_quick_stopped",
-        "_ramp_target",
-        "_waits_for_power",
-        "enable_follows",
-        "fault_present",
-        "inhibited",
-        "options",
-        "power_available",
-        "refused",
-        "remote",
-        "settled",
-        "skips_switched_on",
-        "state",
-        "status_seen",
-        "stop_option",
-        "tolerates_no_power",
-    )
 
     def __init__(self, on_transition: Callable[[int, DriveState, DriveState], None] | None = None) -> None:
         self._on_transition = on_transition
@@ -143,7 +119,7 @@ class PowerStateMachine:
 
     @property
     def follows_commands(self) -> bool:
-        """Whether set-points are executed: Operation enabled and no stop under way."""
+        """Whether setpoints are executed: Operation enabled and no stop under way."""
         return self.state is _OPERATION_ENABLED and self._ramp_target is None
 
     # -- life ------------------------------------------------------------------------------------------
@@ -289,8 +265,8 @@ class PowerStateMachine:
         return Action.NOTHING
 
     def cycle(self) -> Action:
-        """Call once per control cycle: transition 4 follows 3 as soon as Switched on has been seen
-        (C402-020).
+        """Call once per control cycle: transition 4 follows 3 as soon as
+        Switched on has been seen (C402-020).
         """
         if self.enable_follows and self.status_seen and self.state is DriveState.SWITCHED_ON:
             return self._enable()
@@ -318,8 +294,8 @@ class PowerStateMachine:
         """Enter the fault reaction: transition 13, and 14 at once where nothing has to be or can be stopped.
 
         Args:
-            can_brake: False: the power stage or the motor sensor has failed, there is no torque to brake
-                with.
+            can_brake: False: the power stage or the motor sensor has failed,
+                there is no torque to brake with.
 
         """
         state = self.state

@@ -1,6 +1,4 @@
-"""Status word 6041h and mode display 6061h, with what a test overrides in them (C402-039 to
-C402-048).
-"""
+"""Status word 6041h and mode display 6061h, with what a test overrides in them (C402-039 to C402-048)."""
 
 from __future__ import annotations
 
@@ -35,24 +33,6 @@ class StatusWord:
         quirks: What this drive shows beyond the profile.
 
     """
-
-    __slots__ = (
-        "_axis",
-        "_cleared",
-        "_core",
-        "_function",
-        "_machine",
-        "_mode_display",
-        "_overridden",
-        "_quirks",
-        "_quirky",
-        "_set",
-        "_slave",
-        "_value",
-        "_warnings",
-        "frozen",
-        "homing_refused",
-    )
 
     def __init__(
         self, slave: CanopenSlave, function: DriveFunction, warnings: Warnings, quirks: Quirks

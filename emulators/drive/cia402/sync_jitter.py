@@ -23,8 +23,6 @@ class SyncJitter:
 
     """
 
-    __slots__ = ("_before_ns", "_emit", "_function", "_on_jitter", "_tolerance", "worst_ns")
-
     def __init__(
         self, function: DriveFunction, tolerance: float, *, on_jitter: Callable[[], None], emit: Emit
     ) -> None:

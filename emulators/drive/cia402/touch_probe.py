@@ -34,8 +34,6 @@ _NEGATIVE: Final = 1
 class _Channel:
     """One probe: what it was switched on with, and what it has stored."""
 
-    __slots__ = ("continuous", "edges", "generation", "number", "on", "source", "stored", "toggle")
-
     def __init__(self, number: int) -> None:
         self.number = number
         """0 or 1."""
@@ -69,8 +67,6 @@ class TouchProbe:
         servo_period_ns: Distance of the servo instants, ns.
 
     """
-
-    __slots__ = ("_axis", "_channels", "_period_ns", "_period_s", "_scheduler", "_slave", "on_event")
 
     def __init__(
         self, scheduler: Scheduler, slave: CanopenSlave, axis: ProfileAxis, *, servo_period_ns: int
@@ -199,8 +195,8 @@ class TouchProbe:
                 finish(increments, time_ns)
 
     def _storage(self, source: int, edge: int) -> list[Callable[[int, int], None]]:
-        """Return what has to be called with increments and time of an event, for every probe that waits for
-        it.
+        """Return what has to be called with increments and time of an event, for
+        every probe that waits for it.
         """
         return [
             partial(self._store, channel, channel.generation, edge)

@@ -74,30 +74,13 @@ def wrap32(value: int) -> int:
 
 
 class Units:
-    """The factors in force.
+    """The factors in effect.
 
     Args:
         counts_per_revolution: Increments of the real encoder per motor revolution.
         rated_torque_Nm: What 1000 permille are, Nm.
 
     """
-
-    __slots__ = (
-        "_counts",
-        "_lowest",
-        "acceleration",
-        "inc_denominator",
-        "inc_numerator",
-        "plain",
-        "position",
-        "position_sign",
-        "speed_increments",
-        "torque",
-        "torque_sign",
-        "turn",
-        "velocity",
-        "velocity_sign",
-    )
 
     def __init__(self, *, counts_per_revolution: int, rated_torque_Nm: float) -> None:
         self._counts = counts_per_revolution
@@ -159,8 +142,8 @@ class Units:
         self.plain = increments == 1 and self.position_sign == 1 and not self.turn
 
     def to_user_position(self, increments: int) -> int:
-        """Return a number of increments in position units, 32 bits (rounded to nearest, ties away from
-        zero).
+        """Return a number of increments in position units, 32 bits (rounded to
+        nearest, ties away from zero).
         """
         if self.plain:
             return (increments + 0x80000000 & 0xFFFFFFFF) - 0x80000000

@@ -18,12 +18,12 @@ class DriveWarning(IntFlag):
     MOTOR_TEMPERATURE = 1 << 2
     STAGE_TEMPERATURE = 1 << 3
     CHOPPER_LOAD = 1 << 4
-    """Brake resistor above 80 % of what it bears for ever, or switched off."""
+    """Brake resistor above 80 % of its continuous power, or switched off."""
     MAINS_MISSING = 1 << 5
     PHASE_MISSING = 1 << 6
     DC_LINK_LOW = 1 << 7
     TORQUE_OFF = 1 << 8
-    """Safe torque off is in force."""
+    """Safe torque off is in effect."""
     SAFE_STOP = 1 << 9
     """Safe stop 1 is under way."""
     INTERLOCK_OPEN = 1 << 10
@@ -36,7 +36,7 @@ class DriveWarning(IntFlag):
     SETPOINT_REFUSED = 1 << 14
     """60C1h has met a full buffer (C402-172)."""
     BUFFER_EMPTY = 1 << 15
-    """Interpolated position mode has run out of set-points (C402-099)."""
+    """Interpolated position mode has run out of setpoints (C402-099)."""
     INJECTED = 1 << 31
     """Set by a test."""
 
@@ -54,8 +54,6 @@ class Warnings:
         emit: Writes changes into the log.
 
     """
-
-    __slots__ = ("_emit", "_slave", "bits", "on_change")
 
     def __init__(self, slave: CanopenSlave, emit: Emit) -> None:
         self._slave = slave

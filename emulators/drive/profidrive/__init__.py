@@ -1,5 +1,5 @@
-"""The PROFIdrive face of an emulated drive. `ProfidriveDrive` knows no bus; a transport carries its
-telegrams.
+"""The PROFIdrive face of an emulated drive. `ProfidriveDrive` knows no bus; a
+transport carries its telegrams.
 """
 
 from __future__ import annotations

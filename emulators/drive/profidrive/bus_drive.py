@@ -67,13 +67,6 @@ class DriveOnBus(MainsDrive):
 
     """
 
-    __slots__ = (
-        "config",
-        "drive",
-        "parameters",
-        "trace_columns",
-    )
-
     bus_columns: tuple[Column, ...] = ()
     """Columns of the trace that the transport adds."""
     trace_enums: ClassVar = value_texts(_COLUMNS_BEFORE_BUS)
@@ -187,7 +180,7 @@ class DriveOnBus(MainsDrive):
             UnsupportedFaultError: No range is set up.
 
         """
-        if number is not None and not self.config.safe_motion.slp_ranges:
+        if number is not None and not self.config.safety.slp_ranges_mm:
             raise UnsupportedFaultError(f"{self.name}: no range is set up (safety.slp_ranges_mm)")
         self.drive.safety.set_slp(number)
 
@@ -228,7 +221,7 @@ class DriveOnBus(MainsDrive):
 
     def limit_torque(self, share: float | None) -> None:
         """Limit the torque to a share of the rated one; None = not."""
-        torque = math.inf if share is None else share * self.config.rated_torque_Nm
+        torque = math.inf if share is None else share * self.config.rated_torque_nm
         self.drive.torque.cap(injected_Nm=torque)
 
     def scale_ramps(self, share: float) -> None:

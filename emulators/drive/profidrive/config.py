@@ -6,19 +6,20 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from emulators.checked_fields import check_fields
 from emulators.drive.core import ServoTuning
+from emulators.drive.keys import BlockedTime_ms, PowerOnDelay_ms, RatedTorque_nm
 from emulators.drive.machine import (
     BrakeConfig,
     EncoderConfig,
     LinearAxisConfig,
     RotaryAxisConfig,
-    SafetyConfig,
-    SwitchConfig,
+    SwitchesConfig,
     check_number,
 )
-from emulators.drive.profidrive.positioner.config import PositionerSettings
-from emulators.drive.profidrive.safety.config import SafeMotionConfig
-from emulators.drive.profidrive.second_encoder import SecondEncoderConfig
+from emulators.drive.positioner_config import PositionerSettings
+from emulators.drive.safety_config import SafeMotionConfig
+from emulators.drive.second_encoder_config import SecondEncoderConfig
 from emulators.drive.supply import SupplyConfig
 from emulators.drive.thermal import ThermalConfig
 from emulators.encoder.profidrive import EncoderFormat
@@ -42,7 +43,7 @@ def finest_xist2(encoder: EncoderConfig, finest: int = 9) -> int:
     return max(0, min(finest, 32 - (steps - 1).bit_length()))
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(kw_only=True)
 class DriveSettings:
     """Parameters of the drive that may change while it works; in the drive's own numbers and units.
 
@@ -159,7 +160,7 @@ class DriveSettings:
             )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ProfidriveConfig:
     """An emulated PROFIdrive axis; knows no bus.
 
@@ -178,20 +179,19 @@ class ProfidriveConfig:
             positioner and no other.
         positioner: Settings of the positioner.
         mechanics: The machine.
+        switches: Switches on the travel of a linear axis.
         encoder: The motor encoder; its counts are those of P979[2], without fine resolution.
         encoder2: The second encoder; None = not fitted: telegrams with G2 show it as parked.
         fine_xist1: p0418, bits.
         fine_xist2: p0419, bits.
         brake: The holding brake.
         tuning: Gains of the cascade.
-        rated_torque_Nm: Torque that the motor bears for ever, Nm.
+        rated_torque_nm: Torque that the motor can supply continuously.
         supply: DC link and mains.
         thermal: Temperatures and overload.
-        safety: Safety inputs; an interlock is not among them.
-        safe_motion: Safe motion functions.
-        power_on_delay_s: From S3 to S4, s (PD-103).
-        blocked_time_s: Torque limit at standstill for this long is F07900, s; 0 = not watched.
-        input_filter_s: A limit or home switch counts when it has been stable for this long, s.
+        safety: Safety functions.
+        power_on_delay_ms: From S3 to S4 (PD-103).
+        blocked_time_ms: Torque limit at standstill for this long is F07900; 0 = not watched.
         interpolation: Setpoints of operating mode 3 are reached linearly within the bus cycle; False: at
             once.
         data_sets: Drive data sets 1, 2, ... that STW2 bits 0 to 4 can choose; `settings` is number 0. At
@@ -217,20 +217,19 @@ class ProfidriveConfig:
     settings: DriveSettings = field(default_factory=DriveSettings)
     positioner: PositionerSettings = field(default_factory=PositionerSettings)
     mechanics: LinearAxisConfig | RotaryAxisConfig = field(default_factory=LinearAxisConfig)
+    switches: SwitchesConfig = field(default_factory=SwitchesConfig)
     encoder: EncoderConfig = field(default_factory=lambda: EncoderConfig(counts_per_revolution=2048))
     encoder2: SecondEncoderConfig | None = None
     fine_xist1: int = 11
     fine_xist2: int = 9
     brake: BrakeConfig = field(default_factory=BrakeConfig)
     tuning: ServoTuning = field(default_factory=ServoTuning)
-    rated_torque_Nm: float = 2.0
+    rated_torque_nm: RatedTorque_nm = 2.0
     supply: SupplyConfig = field(default_factory=SupplyConfig)
     thermal: ThermalConfig = field(default_factory=ThermalConfig)
-    safety: SafetyConfig = field(default_factory=SafetyConfig)
-    safe_motion: SafeMotionConfig = field(default_factory=SafeMotionConfig)
-    power_on_delay_s: float = 0.0
-    blocked_time_s: float = 0.0
-    input_filter_s: float = 0.0
+    safety: SafeMotionConfig = field(default_factory=SafeMotionConfig)
+    power_on_delay_ms: PowerOnDelay_ms = 0.0
+    blocked_time_ms: BlockedTime_ms = 0.0
     interpolation: bool = True
     data_sets: tuple[DriveSettings, ...] = ()
     control_lost: Literal["run_on", "fault"] = "run_on"
@@ -272,9 +271,7 @@ class ProfidriveConfig:
             raise ConfigurationError(
                 "cycle_ns", self.cycle_ns, f"a multiple of servo_period_ns = {self.servo_period_ns}"
             )
-        check_number("rated_torque_Nm", self.rated_torque_Nm, positive=True)
-        for name in ("power_on_delay_s", "blocked_time_s", "input_filter_s"):
-            check_number(name, getattr(self, name))
+        check_fields(self, "drive")
         for name in ("fine_xist1", "fine_xist2"):
             if not 0 <= getattr(self, name) <= 20:
                 raise ConfigurationError(name, getattr(self, name), "0..20")
@@ -287,8 +284,6 @@ class ProfidriveConfig:
             raise ConfigurationError(
                 "isochronous", f"telegram {self.telegram}", "a telegram with a sign of life"
             )
-        if self.safety.interlock != "none":
-            raise ConfigurationError("safety interlock", self.safety.interlock, "none")
 
     def build_telegram(self) -> Telegram:
         """Return the telegram, with its supplement."""
@@ -338,7 +333,7 @@ class ProfidriveConfig:
     def encoder_formats(self) -> tuple[EncoderFormat, ...]:
         """Formats of all encoders, as P979 tells them."""
         first = self.encoder_format
-        return (first,) if self.encoder2 is None else (first, self.encoder2.form)
+        return (first,) if self.encoder2 is None else (first, self.encoder2.form())
 
     @classmethod
     def reference(
@@ -350,7 +345,7 @@ class ProfidriveConfig:
         ramp_down_s: float = 1.0,
         quick_stop_s: float = 0.5,
         operating_mode: int = 3,
-        position_m: float = 0.0,
+        start_position_mm: float = 0.0,
     ) -> ProfidriveConfig:
         """Return the reference axis of the worked numbers (STP-008 to STP-014), as `DriveConfig.reference` of
         CiA 402 does.
@@ -362,7 +357,7 @@ class ProfidriveConfig:
             ramp_down_s: p1120 and p1121, s.
             quick_stop_s: p1135, s.
             operating_mode: PNU 930.
-            position_m: Start position of the slide, m.
+            start_position_mm: Start position of the slide, mm.
 
         """
         return cls(
@@ -375,12 +370,5 @@ class ProfidriveConfig:
                 ramp_down_s=ramp_down_s,
                 quick_stop_s=quick_stop_s,
             ),
-            mechanics=LinearAxisConfig(
-                position_m=position_m,
-                switches={
-                    "negative_limit": SwitchConfig(high=-0.55, hysteresis=0.0005),
-                    "positive_limit": SwitchConfig(low=0.55, hysteresis=0.0005),
-                    "home": SwitchConfig(high=-0.5, hysteresis=0.0005),
-                },
-            ),
+            mechanics=LinearAxisConfig(start_position_mm=start_position_mm),
         )

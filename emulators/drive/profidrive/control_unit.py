@@ -25,7 +25,7 @@ _LARGEST_STAMP: Final = 0xFFFF
 class ControlUnit:
     """A control unit. Per bus cycle: `receive` with the frame that has come, `cycle`, then `transmit`.
 
-    A time stamp tells when the first awaited edge of the last bus cycle came, counted from the beginning of
+    A time stamp says when the first awaited edge of the last bus cycle came, counted from the beginning of
     that cycle; it is shown for one cycle, and 0 is no edge.
 
     Args:
@@ -38,28 +38,6 @@ class ControlUnit:
         ConfigurationError: There is no such telegram.
 
     """
-
-    __slots__ = (
-        "_cycle_ns",
-        "_frame",
-        "_levels",
-        "_pending",
-        "_row",
-        "_scheduler",
-        "_shown",
-        "_signs",
-        "_stamps",
-        "_telegram",
-        "analog_input",
-        "controlled_cyclically",
-        "faults",
-        "inputs",
-        "isochronous",
-        "probes",
-        "refused",
-        "time_synchronised",
-        "warnings",
-    )
 
     def __init__(
         self, scheduler: Scheduler, *, number: int = 391, isochronous: bool = True, tolerance: int = 1

@@ -12,13 +12,11 @@ class DataSets:
     """The sets of settings; the active one is in `settings`, and what is written goes there.
 
     Args:
-        settings: Settings in force, at first those of set 0.
+        settings: Settings in effect, at first those of set 0.
         others: Sets 1 and following.
         on_change: Called when another set has come into force.
 
     """
-
-    __slots__ = ("_on_change", "_rows", "_settings", "active", "changing", "wanted")
 
     def __init__(
         self,
@@ -31,7 +29,7 @@ class DataSets:
         self._on_change = on_change
         self._rows = [_values(settings), *map(_values, others)]
         self.active = 0
-        """Number of the set in force."""
+        """Number of the set in effect."""
         self.wanted = 0
         """Number in STW2."""
         self.changing = False
@@ -48,8 +46,8 @@ class DataSets:
         self.changing = False
 
     def select(self, number: int) -> None:
-        """Take a set into force; what the active one has become is kept. A number that there is not changes
-        nothing.
+        """Take a set into force; what the active one has become is kept. A number
+        that there is not changes nothing.
         """
         self.wanted = number
         if number == self.active or number >= len(self._rows):

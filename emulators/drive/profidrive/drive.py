@@ -1,5 +1,5 @@
-"""A PROFIdrive axis without a bus: machine, encoder, servo core, state machine, setpoint channel, faults,
-words.
+"""A PROFIdrive axis without a bus: machine, encoder, servo core, state machine,
+setpoint channel, faults, words.
 
 A transport hands telegrams over with `receive`, calls `cycle` once per bus cycle, and sends what `transmit`
 returns. Within `cycle` the order is that of the profile (PD-347): telegram, sign of life, state machine,
@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from emulators.drive.drive_train import build_drive_train
+from emulators.drive.machine import LinearAxisConfig
 from emulators.drive.profidrive.config import DriveSettings, ProfidriveConfig
 from emulators.drive.profidrive.data_sets import DataSets
 from emulators.drive.profidrive.faults import catalogue as numbers
@@ -143,17 +144,17 @@ class ProfidriveDrive:
         self.name = name
         self._history = history
         self.settings: DriveSettings = replace(config.settings)
-        """Parameters in force; call `refresh` when one has changed."""
+        """Parameters in effect; call `refresh` when one has changed."""
         self.telegram = config.build_telegram()
         self.isochronous = config.works_isochronously
         self.train = train = build_drive_train(
             scheduler,
             mechanics=config.mechanics,
+            switches=config.switches,
             encoder=config.encoder_with_fine_resolution,
             brake=config.brake,
             tuning=config.tuning,
             servo_period_ns=config.servo_period_ns,
-            input_filter_s=config.input_filter_s,
             rng=rng,
         )
         """Motor, machine and servo core."""
@@ -163,7 +164,7 @@ class ProfidriveDrive:
         self.power = train.build_power_stage(
             supply=config.supply,
             thermal=config.thermal,
-            rated_torque_Nm=config.rated_torque_Nm,
+            rated_torque_Nm=config.rated_torque_nm,
         )
         self.faults = FaultState(scheduler)
         self.faults.on_fault = self._on_fault
@@ -181,20 +182,20 @@ class ProfidriveDrive:
         self.sign_of_life = SignOfLife(tolerance=self.settings.sign_of_life_tolerance)
         signs = self.sign_of_life if self.isochronous else None
         self.data = ProcessData(self.telegram.setpoint)
-        """Setpoints and control words in force."""
+        """Setpoints and control words in effect."""
         self._stw2_at = self.data.place("STW2")
         self._g1_at = self.data.place("G1_STW")
         self._g2_at = self.data.place("G2_STW")
         machine = GeneralStateMachine()
         self.safety_state = SafetyState()
-        """Safety functions in force."""
+        """Safety functions in effect."""
         cycle_s = config.cycle_ns / 1e9
         steps = config.cycle_ns // config.servo_period_ns
         self.torque = TorqueLimits(self.core, self.data, self.settings, steps=steps)
         self.deviation = SpeedDeviation(self.core, self.settings, cycle_s=cycle_s)
         self.mode: OperatingMode = self._build_mode(machine, steps, cycle_s)
-        """What the setpoints mean: speed, or tasks of the positioner; one telegram has the one or the other
-        (PD-032).
+        """What the setpoints mean: speed, or tasks of the positioner; one telegram has
+        the one or the other (PD-032).
         """
         self.operation = Operation(
             scheduler,
@@ -207,13 +208,12 @@ class ProfidriveDrive:
             torque=self.torque,
             dc_link=self.power.dc_link,
             signs=signs,
-            power_on_delay_ns=seconds_to_ns(config.power_on_delay_s),
+            power_on_delay_ns=seconds_to_ns(config.power_on_delay_ms / 1000.0),
             emit=self.emit,
         )
         self.safety = SafetyFunctions(
             scheduler,
             config.safety,
-            config.safe_motion,
             settings=self.settings,
             core=self.core,
             mechanics=self.mechanics,
@@ -232,7 +232,14 @@ class ProfidriveDrive:
             None
             if config.encoder2 is None
             else SecondEncoder(
-                config.encoder2, self.mechanics, name=f"{name}.encoder2", faults=self.faults, rng=rng
+                config.encoder2,
+                self.mechanics,
+                lead_mm=config.mechanics.lead_screw_mm
+                if isinstance(config.mechanics, LinearAxisConfig)
+                else None,
+                name=f"{name}.encoder2",
+                faults=self.faults,
+                rng=rng,
             )
         )
         """The second encoder, G2; None = not fitted."""
@@ -350,7 +357,7 @@ class ProfidriveDrive:
 
     @property
     def torque_limit_Nm(self) -> float:
-        """Upper torque limit in force, Nm."""
+        """Upper torque limit in effect, Nm."""
         return self.torque.upper_Nm
 
     @property
@@ -365,7 +372,7 @@ class ProfidriveDrive:
 
     @property
     def stw1(self) -> int:
-        """STW1 in force."""
+        """STW1 in effect."""
         return self.data.stw1
 
     @property
@@ -426,8 +433,8 @@ class ProfidriveDrive:
     # -- bus cycle -------------------------------------------------------------------------------------
 
     def receive(self, frame: bytes) -> None:
-        """Take a telegram of the controller; it acts in the next `cycle`. One of a wrong length does not
-        (PD-030).
+        """Take a telegram of the controller; it acts in the next `cycle`. One of a
+        wrong length does not (PD-030).
         """
         if len(frame) != self.telegram.setpoint.length:
             self.rejected += 1
@@ -541,7 +548,7 @@ class ProfidriveDrive:
         self.faults.forget(None if code is None else fault(code).number)
 
     def communication_lost(self) -> None:
-        """Raise F08700, as the transport tells that the bus or the controller is gone (PD-345)."""
+        """Raise F08700, because the transport reports that the bus or the controller is gone (PD-345)."""
         self.raise_fault(numbers.CAN_ERROR)
 
     def _on_fault(self, row: Fault, value: int) -> None:

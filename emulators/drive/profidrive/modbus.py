@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
 _CYCLE_PRIORITY: Final = 2
 """The bus cycle follows the servo step and the control cycle of the same instant."""
-_IDENTIFICATION: Final = 43
 RATES: Final = (4800, 9600, 19200, 38400, 57600, 76800, 93750, 115200, 187500)
 """Rates of the serial line, bit/s (PD-289)."""
 _CHARACTER_DELAY_NS: Final = {
@@ -51,7 +50,7 @@ _CHARACTER_DELAY_NS: Final = {
 _BITS: Final = 11
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ProfidriveModbusConfig:
     """A PROFIdrive axis on Modbus.
 
@@ -108,17 +107,6 @@ class ProfidriveModbusDrive(DriveOnBus):
 
     """
 
-    __slots__ = (
-        "_boot_timer",
-        "_limits_ns",
-        "_terminal",
-        "channel",
-        "modbus_config",
-        "registers",
-        "server",
-        "station",
-    )
-
     def __init__(
         self,
         scheduler: Scheduler,
@@ -168,16 +156,16 @@ class ProfidriveModbusDrive(DriveOnBus):
         scheduler.every(own.cycle_ns, drive.cycle, priority=_CYCLE_PRIORITY)
 
     def trace_row(self) -> tuple[float, ...]:
-        """Return the present values of `trace_columns`; position and velocity are those of the true
-        mechanics.
+        """Return the present values of `trace_columns`; position and velocity
+        are those of the true mechanics.
         """
         return self._trace_values()
 
     # -- bus -------------------------------------------------------------------------------------------
 
     def listen(self, network: TcpLink | SocketNetwork, *, connections: int = 16) -> TcpStation[Any]:
-        """Serve a TCP network; every unit is answered, and every process data register keeps the time-out off
-        (PD-292).
+        """Serve a TCP network; every unit is answered, and every process data register
+        keeps the time-out off (PD-292).
 
         Raises:
             ConfigurationError: The drive is on a bus already.
@@ -384,8 +372,8 @@ class ProfidriveModbusDrive(DriveOnBus):
         self.channel.injected = code or 0
 
     def reset_node(self, boot_s: float) -> None:
-        """Restart as after a dip of the supply: silence for `boot_s`, then service again; the motor
-        coasts.
+        """Restart as after a dip of the supply: silence for `boot_s`, then
+        service again; the motor coasts.
         """
         self.power_off()
         self.scheduler.after(seconds_to_ns(boot_s), self.power_on)

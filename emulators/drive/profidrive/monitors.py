@@ -1,5 +1,5 @@
-"""What the drive watches in its control cycle: process data, clock, heat, supply, blocked motor,
-overspeed.
+"""What the drive watches in its control cycle: process data, clock, heat,
+supply, blocked motor, overspeed.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Monitors:
     Args:
         scheduler: Clock of the drive.
         config: Times, rated torque, reaction to an overload.
-        settings: Parameters in force.
+        settings: Parameters in effect.
         core: Servo core.
         power: Heat and supply.
         data: When telegrams came.
@@ -41,25 +41,6 @@ class Monitors:
         raise_fault: Raises a fault of the drive.
 
     """
-
-    __slots__ = (
-        "_blocked",
-        "_blocked_time_s",
-        "_core",
-        "_cycle_ns",
-        "_data",
-        "_faults",
-        "_period_s",
-        "_phase_s",
-        "_power",
-        "_raise_fault",
-        "_rated_torque_Nm",
-        "_safety",
-        "_scheduler",
-        "_settings",
-        "_signs",
-        "_torque",
-    )
 
     def __init__(
         self,
@@ -87,10 +68,10 @@ class Monitors:
         self._faults = faults
         self._raise_fault = raise_fault
         self._cycle_ns = config.cycle_ns
-        self._rated_torque_Nm = config.rated_torque_Nm
+        self._rated_torque_Nm = config.rated_torque_nm
         self._period_s = config.control_period_ns / 1e9
-        self._blocked_time_s = config.blocked_time_s
-        self._blocked = WindowTimer(config.blocked_time_s)
+        self._blocked_time_s = config.blocked_time_ms / 1000.0
+        self._blocked = WindowTimer(config.blocked_time_ms / 1000.0)
         self._phase_s = 0.0
 
     def restart(self) -> None:
@@ -117,7 +98,7 @@ class Monitors:
             self._raise_fault(numbers.OVERSPEED)
 
     def _look_at_bus(self, now: int) -> None:
-        """Notice that telegrams or the clock stay away (PD-030, PD-292)."""
+        """Notice that telegrams or the clock are missing (PD-030, PD-292)."""
         faults = self._faults
         limit_s = self._settings.setpoint_monitoring_s
         if limit_s and now - self._data.received_at_ns > seconds_to_ns(limit_s):

@@ -1,5 +1,5 @@
-"""How the state machine of a PROFIdrive axis acts on the drive: commands in force, actions of its transitions
-(PD-096 to PD-118).
+"""How the state machine of a PROFIdrive axis acts on the drive: commands in effect, actions of its
+transitions (PD-096 to PD-118).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Operation:
         scheduler: Clock of the drive.
         machine: General state machine.
         core: Servo core; its standstill ends a stop.
-        data: Control words in force.
+        data: Control words in effect.
         faults: Their stop commands act like those of the control word.
         safety: Likewise.
         mode: Operating mode; it stops the axis.
@@ -49,25 +49,6 @@ class Operation:
         emit: Writes state changes into the log.
 
     """
-
-    __slots__ = (
-        "_core",
-        "_data",
-        "_dc_link",
-        "_emit",
-        "_faults",
-        "_mode",
-        "_on_locked",
-        "_power_on_delay_ns",
-        "_s3_ns",
-        "_safety",
-        "_scheduler",
-        "_signs",
-        "_standstill",
-        "_torque",
-        "machine",
-        "refuses",
-    )
 
     def __init__(
         self,
@@ -134,7 +115,7 @@ class Operation:
         faults = self._faults
         off = faults.off | self._safety.off
         if old is _S4 and data.stw1 & _RUN_OR_JOG == _RUN and not (self._on_locked or off or faults.warnings):
-            return  # operation goes on: the usual case, in every bus cycle
+            return  # operation continues: the usual case, in every bus cycle
         action = machine.step(
             self._command(old),
             off=off,

@@ -11,8 +11,8 @@ from fieldbus.clock import S, Scheduler
 
 
 class ProbeLatch:
-    """Gives edges to the encoder interface: at their place, or, when the load had no part in them, at their
-    instant.
+    """Gives edges to the encoder interface: at their place, or, when the load had no
+    part in them, at their instant.
 
     Args:
         scheduler: Time of the bench.
@@ -21,8 +21,6 @@ class ProbeLatch:
         period_ns: Servo step, ns.
 
     """
-
-    __slots__ = ("_core", "_period_ns", "_scheduler", "listeners", "others")
 
     def __init__(
         self, scheduler: Scheduler, core: ServoCore, interface: EncoderInterface, *, period_ns: int

@@ -1,4 +1,4 @@
-"""What the controller says: the setpoints and control words in force (PD-030, PD-076)."""
+"""What the controller says: the setpoints and control words in effect (PD-030, PD-076)."""
 
 from __future__ import annotations
 
@@ -12,18 +12,6 @@ class ProcessData:
         layout: Signals of the telegram from the controller.
 
     """
-
-    __slots__ = (
-        "_places",
-        "control_places",
-        "controlled_cyclically",
-        "cycle_at_ns",
-        "g1_stw",
-        "received_at_ns",
-        "row",
-        "stw1",
-        "stw2",
-    )
 
     def __init__(self, layout: Layout) -> None:
         self._places = {name: at for at, name in enumerate(layout.names)}
@@ -44,7 +32,7 @@ class ProcessData:
         """Time of the last process data (PD-292)."""
 
     def place(self, name: str) -> int:
-        """Return where a signal stands in `row`; -1, where the 0 stands, if the telegram does not have it."""
+        """Return where a signal is in `row`; -1, the place of the 0, if the telegram does not have it."""
         return self._places.get(name, -1)
 
     def restart(self) -> None:

@@ -103,8 +103,6 @@ class ActualTelegram:
 
     """
 
-    __slots__ = ("_ends_with_g1", "_getters", "_pack", "g1_words")
-
     def __init__(self, layout: Layout, sources: Mapping[str, Getter]) -> None:
         self.g1_words: tuple[int, int, int] = (0, 0, 0)
         """G1_ZSW, G1_XIST1, G1_XIST2 of this bus cycle."""

@@ -29,8 +29,8 @@ class AxisState(Enum):
 
 
 class Off(IntFlag):
-    """Stop commands that do not come from the control word: reactions of faults, safety functions
-    (PD-115).
+    """Stop commands that do not come from the control word: reactions of
+    faults, safety functions (PD-115).
     """
 
     NONE = 0
@@ -71,8 +71,6 @@ _RUN: Final = int(STW1.ON | STW1.NO_OFF2 | STW1.NO_OFF3 | STW1.ENABLE_OPERATION)
 class GeneralStateMachine:
     """One transition per step at most; OFF2 goes before OFF3, OFF1 and disable operation (PD-114)."""
 
-    __slots__ = ("state",)
-
     def __init__(self) -> None:
         self.state = AxisState.IDLE
 
@@ -97,7 +95,7 @@ class GeneralStateMachine:
         """Evaluate a control word.
 
         Args:
-            stw1: Control word in force: the last one with control by PLC.
+            stw1: Control word in effect: the last one with control by PLC.
             off: Stop commands of faults and safety functions, bits of `Off`.
             standstill: The axis stands (ends S5).
             ready: The power stage can be enabled: DC link, drive ready, no delay running (PD-103).

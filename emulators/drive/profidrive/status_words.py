@@ -52,39 +52,19 @@ class StatusWords:
 
     Args:
         core: Servo core.
-        settings: Parameters in force.
-        data: Control words in force.
+        settings: Parameters in effect.
+        data: Control words in effect.
         operation: State machine.
         mode: Operating mode; some bits of ZSW1 are its own.
         faults: Faults and warnings.
-        safety: Safety functions in force.
+        safety: Safety functions in effect.
         torque: Torque limits.
         deviation: Deviation of the speed.
         signs: Sign of life of the drive.
-        data_sets: Data set in force.
+        data_sets: Data set in effect.
         operation_while_braking: ZSW1 bit 2 stays 1 during a stop ramp.
 
     """
-
-    __slots__ = (
-        "_cleared",
-        "_core",
-        "_data",
-        "_data_sets",
-        "_deviation",
-        "_faults",
-        "_frozen",
-        "_machine",
-        "_mode",
-        "_operation",
-        "_safety",
-        "_set",
-        "_settings",
-        "_sign",
-        "_signs",
-        "_torque",
-        "_while_braking",
-    )
 
     def __init__(
         self,

@@ -1,5 +1,5 @@
-"""Torque limits of a PROFIdrive axis: parameters, words of the telegram, protection, injected faults (PD-037,
-PD-038).
+"""Torque limits of a PROFIdrive axis: parameters, words of the telegram, protection,
+injected faults (PD-037, PD-038).
 """
 
 from __future__ import annotations
@@ -24,29 +24,10 @@ class TorqueLimits:
     Args:
         core: Servo core.
         data: Setpoints of the telegram.
-        settings: Parameters in force.
+        settings: Parameters in effect.
         steps: Servo steps of a bus cycle.
 
     """
-
-    __slots__ = (
-        "_add_at",
-        "_core",
-        "_data",
-        "_high_at",
-        "_low_at",
-        "_momred_at",
-        "_settings",
-        "_steps",
-        "_words",
-        "clamping_Nm",
-        "current_Nm",
-        "follows_telegram",
-        "injected_Nm",
-        "lower_Nm",
-        "protection_Nm",
-        "upper_Nm",
-    )
 
     def __init__(self, core: ServoCore, data: ProcessData, settings: DriveSettings, *, steps: int) -> None:
         self._core = core
@@ -54,7 +35,7 @@ class TorqueLimits:
         self._settings = settings
         self._steps = steps
         self.upper_Nm = math.inf
-        """Upper torque limit in force, Nm."""
+        """Upper torque limit in effect, Nm."""
         self.lower_Nm = math.inf
         """Torque limit in the other direction, Nm, >= 0."""
         self.protection_Nm = math.inf

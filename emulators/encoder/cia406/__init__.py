@@ -1,5 +1,5 @@
-"""CiA 406 encoders: `CiA406Encoder` on a CAN segment, mounted on the machine of a drive or on a shaft of its
-own.
+"""CiA 406 encoders: `CiA406Encoder` on a CAN segment, mounted on the machine of a
+drive or on a shaft of its own.
 """
 
 from __future__ import annotations

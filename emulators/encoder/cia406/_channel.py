@@ -1,5 +1,5 @@
-"""A position channel: from raw steps to position, speed, cams and work area (C406-003 to C406-008, C406-049,
-C406-052).
+"""A position channel: from raw steps to position, speed, cams and work area (C406-003 to
+C406-008, C406-049, C406-052).
 """
 
 from __future__ import annotations
@@ -20,14 +20,12 @@ _HIGHEST: Final = 0x7FFF
 
 
 class Scaling:
-    """The settings that make a position of raw steps, as they are in force.
+    """The settings that make a position of raw steps, as they are in effect.
 
     Args:
         config: The encoder.
 
     """
-
-    __slots__ = ("_config", "numerator", "on", "raw_range", "resolution", "reversed", "total")
 
     def __init__(self, config: EncoderDeviceConfig) -> None:
         self._config = config
@@ -40,7 +38,7 @@ class Scaling:
         """Values of 6004h: it lies in 0..total - 1."""
 
     def take(self, values: dict[int, Any]) -> None:
-        """Take 6000h, 6001h or 6005h, and 6002h over; 6002h falls to the largest range that there is."""
+        """Take 6000h, 6001h or 6005h, and 6002h over; 6002h falls to the largest range available."""
         word = values[0x600000]
         linear = self._config.kind.linear
         self.on = bool(word & OperatingParameter.SCALING)
@@ -62,7 +60,7 @@ class Scaling:
         return max(1, int(values[0x600100])) * self._config.turns
 
     def scaled(self, steps: int) -> int:
-        """Return raw steps, folded or not, in the measuring units in force."""
+        """Return raw steps, folded or not, in the measuring units in effect."""
         return steps * self.numerator // self.resolution if self.on else steps
 
 
@@ -72,34 +70,11 @@ class Channel:
     Args:
         number: Sub-index of the channel in the arrays, from 1.
         sensor: What senses.
-        scaling: Settings in force, common to all channels.
+        scaling: Settings in effect, common to all channels.
         values: Present values of the objects.
         config: The encoder.
 
     """
-
-    __slots__ = (
-        "_acceleration",
-        "_active",
-        "_config",
-        "_derived",
-        "_enable_key",
-        "_history",
-        "_interval",
-        "_jerk",
-        "_scaling",
-        "_speed",
-        "_steps",
-        "_values",
-        "area",
-        "cams",
-        "number",
-        "offset",
-        "position",
-        "raw",
-        "sensor",
-        "unfolded",
-    )
 
     def __init__(
         self,
@@ -279,8 +254,8 @@ class Channel:
 
 
 def _differences(points: list[int]) -> list[int]:
-    """Return first, second and third difference of points in descending order of time, as far as there are
-    points.
+    """Return first, second and third difference of points in descending order of
+    time, as far as there are points.
     """
     found = []
     while len(points) > 1:

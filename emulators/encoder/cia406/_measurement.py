@@ -30,20 +30,6 @@ class Measurement:
 
     """
 
-    __slots__ = (
-        "_emit",
-        "_offset_settings",
-        "_sampled_ns",
-        "_scheduler",
-        "_slave",
-        "_stale",
-        "alarm",
-        "bounded",
-        "channels",
-        "incremental",
-        "scaling",
-    )
-
     def __init__(
         self,
         scheduler: Scheduler,
@@ -92,8 +78,8 @@ class Measurement:
     # -- parameters ------------------------------------------------------------------------------------
 
     def invalidate(self) -> None:
-        """Note that a parameter of the position formation is being written: the preset counts no more
-        (C406-007).
+        """Note that a parameter of the position formation is being written: the
+        preset no longer counts (C406-007).
         """
         self._stale = True
         self.forget_sample()

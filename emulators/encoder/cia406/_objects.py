@@ -1,5 +1,5 @@
-"""The object tables of the emulated encoders: one source for EDS files, dictionaries, defaults and tests
-(C402-309).
+"""The object tables of the emulated encoders: one source for EDS files, dictionaries,
+defaults and tests (C402-309).
 
 There are three: rotary encoders, linear encoders, and the linear device with several sensors. What kind of
 encoder of a table a device is, its resolution and its range are set by its configuration.

@@ -32,8 +32,6 @@ class Sensor:
 
     """
 
-    __slots__ = ("_length", "_mounting", "_per_coordinate", "_place", "bounded", "encoder")
-
     def __init__(
         self,
         config: EncoderDeviceConfig,
@@ -77,8 +75,8 @@ class Sensor:
 
     @property
     def off_the_scale(self) -> bool:
-        """Whether there is no code to read where the sensor stands; a code is read from half a step before it
-        on.
+        """Whether there is no code to read where the sensor stands; a code is read
+        from half a step before it on.
         """
         half = 0.5 * self.coordinate_per_step
         return self.bounded and not -half <= self.coordinate < self._length - half

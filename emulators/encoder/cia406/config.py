@@ -17,7 +17,7 @@ _LARGEST_RANGE: Final = 1 << 31
 """Steps: 6004h is a signed number of 32 bits."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class EncoderDeviceConfig:
     """An emulated encoder.
 

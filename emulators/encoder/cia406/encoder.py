@@ -78,27 +78,6 @@ class CiA406Encoder:
 
     """
 
-    __slots__ = (
-        "_alarms_shown",
-        "_history",
-        "_max_steps",
-        "_normal_cycle_ms",
-        "_operating_ns",
-        "_powered_ns",
-        "_watchful",
-        "config",
-        "family",
-        "injected_alarms",
-        "injected_warnings",
-        "measurement",
-        "name",
-        "node",
-        "scheduler",
-        "shaft",
-        "slave",
-        "trace_columns",
-    )
-
     trace_enums: ClassVar = value_texts(_COLUMNS)
 
     def __init__(
@@ -172,7 +151,7 @@ class CiA406Encoder:
         }
         if not kind.linear:
             derived[0x6502, 0] = config.turns
-        self.node.require((0x6000, 0x6004), "CiA 406 encoder")
+        self.node.require((0x6000, 0x6004), "CiA 406 encoder", config.eds)
         self.node.add_missing(all_objects(self.family))
         self.node.set_defaults({**derived, **config.objects}, "encoder")
 
@@ -217,8 +196,8 @@ class CiA406Encoder:
     # -- life ------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
-        """Switch the supply on: absolute encoders know their position at once, others begin at zero
-        (C406-008).
+        """Switch the supply on: absolute encoders know their position at once,
+        others begin at zero (C406-008).
         """
         if not self.slave.powered:
             self._powered_ns = self.scheduler.now
@@ -370,8 +349,8 @@ class CiA406Encoder:
         self.measurement.forget_sample()
 
     def suppress_index(self, missing: bool) -> None:
-        """Let the reference mark never come, or come again; an incremental encoder that waits for it goes on
-        warning.
+        """Let the reference mark never come, or come again; an incremental encoder
+        that waits for it continues warning.
 
         Raises:
             UnsupportedFaultError: An absolute encoder has no mark.
@@ -398,8 +377,8 @@ class CiA406Encoder:
         self.measurement.preset(-margin % self.scaling.total)
 
     def set_alarm(self, bit: int, active: bool) -> None:
-        """Bring about the cause of an alarm, a bit of 6503h (0 position error, 12 to 15 manufacturer), or end
-        it.
+        """Bring about the cause of an alarm, a bit of 6503h (0 position error, 12
+        to 15 manufacturer), or end it.
 
         Raises:
             ConfigurationError: The encoder does not support it (6504h).

@@ -22,7 +22,7 @@ class EncoderState(Enum):
     SD12 = "parking"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class EncoderAbilities:
     """What an encoder interface can do.
 

@@ -49,8 +49,6 @@ class Counting:
 
     """
 
-    __slots__ = ("_base", "_encoder", "_fine1", "_fine2", "_form", "_mask", "_range", "home")
-
     def __init__(self, encoder: PositionSource, form: EncoderFormat) -> None:
         if encoder.counts_per_revolution != form.counts:
             raise ConfigurationError(

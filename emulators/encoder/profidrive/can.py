@@ -39,7 +39,7 @@ EMCY: Final = 0x7300
 _STATES: Final = {state: number for number, state in enumerate(EncoderState)}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ProfidriveEncoderNodeConfig:
     """A PROFIdrive encoder on CANopen.
 
@@ -90,8 +90,8 @@ _COLUMNS: Final = (
 
 
 class ProfidriveCanEncoder(ProfidriveSensor):
-    """An emulated PROFIdrive encoder on a CAN segment, with all that a test can do to it. It is off until
-    `power_on`.
+    """An emulated PROFIdrive encoder on a CAN segment, with all that a test can do to
+    it. It is off until `power_on`.
 
     Args:
         scheduler: Time of the bench.
@@ -107,20 +107,6 @@ class ProfidriveCanEncoder(ProfidriveSensor):
         ConfigurationError: The configuration does not fit together.
 
     """
-
-    __slots__ = (
-        "_code",
-        "_history",
-        "_mounting",
-        "_words",
-        "config",
-        "device",
-        "node",
-        "scheduler",
-        "shaft",
-        "slave",
-        "trace_columns",
-    )
 
     trace_enums: ClassVar = value_texts(_COLUMNS)
 
@@ -170,8 +156,8 @@ class ProfidriveCanEncoder(ProfidriveSensor):
         )
 
     def _set_defaults(self) -> None:
-        """Enter what depends on the telegram: its number, formats, and PDOs with no more words than it
-        has.
+        """Enter what depends on the telegram: its number, formats, and PDOs
+        with no more words than it has.
         """
         words = telegram(self.config.encoder.telegram).actual.words
         values = {(0x1017, 0): self.config.heartbeat_ms, (objects.TELEGRAM, 0): self.config.encoder.telegram}
@@ -244,7 +230,7 @@ class ProfidriveCanEncoder(ProfidriveSensor):
             self._words.give(frame)
 
     def _tell(self, code: int) -> None:
-        """Tell of an error that has come or gone: r2131, EMCY, log."""
+        """Report an error that has come or gone: r2131, EMCY, log."""
         self._code = code
         slave = self.slave
         slave.set(objects.FAULT_NUMBER, 0, code)

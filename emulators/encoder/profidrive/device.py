@@ -1,5 +1,5 @@
-"""PROFIdrive encoder: a device of its own with telegram 81, 82, 83 or 84. Takes and gives frames; knows no
-bus.
+"""PROFIdrive encoder: a device of its own with telegram 81, 82, 83 or 84. Takes
+and gives frames; knows no bus.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ TELEGRAMS: Final = (81, 82, 83, 84)
 PROBES_MAX: Final = 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ProfidriveEncoderConfig:
     """An encoder as a device of its own.
 
@@ -40,8 +40,8 @@ class ProfidriveEncoderConfig:
         abilities: What the encoder interface can do.
         zero_mark: Place of the zero mark, increments of the model, 0..form.counts - 1.
         reversed_direction: Counts the other way round.
-        mounting_offset: Value where the machine is at zero, increments of the model; only for absolute
-            encoders.
+        mounting_offset: Value where the machine is at zero, increments of the
+            model; only for absolute encoders.
         reference_speed: 100 % of NIST_A and NIST_B: rpm, linear: mm/s; > 0.
         isochronous: The sign of life is evaluated and sent (PD-130).
         tolerance: Tolerated failures of the sign of life (PNU 925), 0..65535.
@@ -101,33 +101,6 @@ class ProfidriveEncoder:
         ConfigurationError: More probes or marks than the interface has.
 
     """
-
-    __slots__ = (
-        "_addressed",
-        "_angle",
-        "_frame",
-        "_frozen_sign",
-        "_full_speed",
-        "_g1_stw",
-        "_mounting",
-        "_pending",
-        "_per_coordinate",
-        "_sampled_ns",
-        "_scheduler",
-        "_signs",
-        "_stw2",
-        "_switches",
-        "_telegram",
-        "config",
-        "encoder",
-        "faults",
-        "interface",
-        "powered",
-        "refused",
-        "speed",
-        "warnings",
-        "words",
-    )
 
     def __init__(
         self,
@@ -217,8 +190,8 @@ class ProfidriveEncoder:
     # -- bus -------------------------------------------------------------------------------------------
 
     def receive(self, frame: bytes) -> bool:
-        """Take a frame for the next cycle; return False when it is refused: wrong length (PD-030), or no
-        supply.
+        """Take a frame for the next cycle; return False when it is refused: wrong
+        length (PD-030), or no supply.
         """
         if not self.powered:
             return False

@@ -5,7 +5,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
+
+from annotated_types import Ge, Le
 
 from fieldbus.errors import ConfigurationError
 
@@ -21,8 +23,12 @@ ELEMENTS: Final = 1 + SUB_INDICES_OF_ONE * ENCODERS_MAX
 _LINEAR, _LOADED, _WIDE = 0x1, 0x2, 0x4
 _VALIDITY_STATIC, _VALID = 1 << 30, 1 << 31
 
+FineBits = Annotated[int, Ge(0), Le(31)]
+_FINEST_1: Final = 11
+_FINEST_2: Final = 9
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+
+@dataclass(frozen=True, kw_only=True)
 class EncoderFormat:
     """Format of Gx_XIST1 and Gx_XIST2.
 
@@ -38,8 +44,8 @@ class EncoderFormat:
         revolutions: 0 incremental, 1 single-turn or linear absolute, more: multi-turn; 0..65536.
         grid_nm: 0 rotary; else the distance of two grid lines, nm.
         counter_bits: Width of Gx_XIST1, 8..32; narrower than 32 as simple counters have it (PD-171).
-        load_absolute: True: Gx_XIST1 begins with the absolute value at power-on (PD-172); False: with
-            `start_value`.
+        load_absolute: True: Gx_XIST1 begins with the absolute value at power-on
+            (PD-172); False: with `start_value`.
         start_value: Gx_XIST1 at power-on, 0..2^counter_bits - 1.
         wide: True: 64-bit value (G1_XIST3) is there.
 
@@ -90,8 +96,8 @@ class EncoderFormat:
 
     @classmethod
     def profile_4_0(cls, *, periods: int, revolutions: int = 1, interpolation_bits: int = 0) -> EncoderFormat:
-        """Return the format of encoder profile 4.0: Gx_XIST1 is left-aligned, Gx_XIST2 right-aligned
-        (PD-174).
+        """Return the format of encoder profile 4.0: Gx_XIST1 is left-aligned,
+        Gx_XIST2 right-aligned (PD-174).
 
         Raises:
             ConfigurationError: The absolute steps need more than 32 bits, or a value is out of its range.
@@ -172,3 +178,45 @@ def p979(*formats: EncoderFormat) -> tuple[int, ...]:
     for one in formats:
         row += one.sub_indices()
     return tuple(row + [0] * (ELEMENTS - len(row)))
+
+
+def fitted_format(
+    periods: int,
+    turns: int,
+    *,
+    grid_nm: int = 0,
+    fine_xist1: int | None = None,
+    fine_xist2: int | None = None,
+    wide: bool = False,
+    counter_bits: int = 32,
+) -> EncoderFormat:
+    """Return the format of a PROFIdrive encoder; an absolute encoder loads G1_XIST1 with its value (PD-172).
+
+    Args:
+        periods: Periods per revolution, or of the scale.
+        turns: Revolutions that an absolute encoder tells apart, 1 for a scale; 0: it is incremental.
+        grid_nm: Distance of the periods of a scale, nm; 0: it is rotary.
+        fine_xist1: Fine resolution of G1_XIST1, bits; None: 11, or as many as fit.
+        fine_xist2: Fine resolution of G1_XIST2, bits; None: 9, or as many as fit.
+        wide: There is a counter of 64 bits.
+        counter_bits: Width of G1_XIST1.
+
+    Raises:
+        ConfigurationError: Resolution, range and fine bits do not fit together.
+
+    """
+    width = max(periods - 1, 0).bit_length()
+    first = max(0, min(_FINEST_1, 31 - width)) if fine_xist1 is None else fine_xist1
+    steps = max(periods * turns - 1, 0).bit_length()
+    second = max(0, min(_FINEST_2, 32 - steps)) if fine_xist2 is None else fine_xist2
+    return EncoderFormat(
+        periods=periods,
+        interpolation_bits=first,
+        shift_xist1=first,
+        shift_xist2=second,
+        revolutions=turns,
+        grid_nm=grid_nm,
+        load_absolute=turns > 0,
+        wide=wide,
+        counter_bits=counter_bits,
+    )

@@ -1,5 +1,5 @@
-"""Encoder interface Gx_STW, Gx_ZSW, Gx_XIST1, Gx_XIST2 as a state machine (PD-141 to PD-187, PTO-211 to
-PTO-250).
+"""Encoder interface Gx_STW, Gx_ZSW, Gx_XIST1, Gx_XIST2 as a state machine (PD-141
+to PD-187, PTO-211 to PTO-250).
 
 Knows no telegram and no bus. Positions that come in are increments of the encoder model, which the model and
 its switches give to the instant; so a latched value is exact whatever the bus cycle is.
@@ -24,7 +24,7 @@ SIGN_OF_LIFE_FAILED: Final = 0x0F02
 
 SD1, SD2, SD3, SD4, SD5, SD7, SD10, SD11, SD12 = EncoderState
 _ABORTED: Final = {SD5: 0x0004, SD4: 0x0005, SD10: 0x0006, SD11: 0x0007}
-"""Error with which a function ends that cannot go on (PD-178 to PD-181)."""
+"""Error with which a function ends that cannot continue (PD-178 to PD-181)."""
 _ABORTED_IN: Final = {code: state for state, code in _ABORTED.items()}
 _ABSOLUTE_SHOWN: Final = frozenset({SD1, SD5, SD7, SD10})
 _LEVELS_SHOWN: Final = frozenset({SD1, SD10, SD11})
@@ -43,33 +43,6 @@ class EncoderInterface:
         ConfigurationError: The encoder does not count as the format says.
 
     """
-
-    __slots__ = (
-        "_asked",
-        "_code",
-        "_counting",
-        "_encoder",
-        "_event",
-        "_faults",
-        "_home",
-        "_last_mark",
-        "_levels",
-        "_marks",
-        "_measures",
-        "_parked_ns",
-        "_running",
-        "_shown",
-        "_value",
-        "_values",
-        "_watching",
-        "_xist1",
-        "abilities",
-        "external_mark",
-        "form",
-        "home_steps",
-        "state",
-        "valid",
-    )
 
     def __init__(
         self,
@@ -99,8 +72,8 @@ class EncoderInterface:
         """Start again, after the encoder has been switched on; injected faults and the home position stay."""
         self.state = SD1
         self.valid = 0x0001 not in self._faults
-        """Whether Gx_XIST1 can be trusted; set to False while the supply or the logic of the encoder is not
-        there.
+        """Whether Gx_XIST1 can be trusted; set to False while the supply or the
+        logic of the encoder is not there.
         """
         self._levels = 0
         self._event = 0
@@ -152,8 +125,8 @@ class EncoderInterface:
     # -- what happens at the encoder -------------------------------------------------------------------
 
     def reference_mark(self, number: int, increments: int) -> None:
-        """Latch the position of a reference mark (1..4), increments of the model; the zero mark comes by
-        itself.
+        """Latch the position of a reference mark (1..4), increments of the model;
+        the zero mark comes by itself.
         """
         if self.state is SD5:
             self._latch(1 << (number - 1), increments)
@@ -197,8 +170,8 @@ class EncoderInterface:
             self.valid = False
 
     def clear_error(self, code: int) -> None:
-        """Take the cause of an error away; with 0001h Gx_XIST1 is valid again. Harmless if it was not
-        there.
+        """Take the cause of an error away; with 0001h Gx_XIST1 is valid
+        again. Harmless if it was not there.
         """
         if code in self._faults:
             del self._faults[code]

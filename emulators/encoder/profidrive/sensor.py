@@ -21,8 +21,6 @@ class ProfidriveSensor:
 
     """
 
-    __slots__ = ("encoder", "interface", "name")
-
     def __init__(self, name: str, encoder: RotaryEncoder, interface: EncoderInterface) -> None:
         self.name = name
         self.encoder = encoder

@@ -5,7 +5,7 @@ no bus.
 from __future__ import annotations
 
 from emulators.io.tm_pto.channel import PtoChannel
-from emulators.io.tm_pto.config import PtoConfig, SignalType
+from emulators.io.tm_pto.config import PtoConfig
 from emulators.io.tm_pto.module import PtoModule
 from emulators.io.tm_pto.pulses import PulseGenerator
 from emulators.io.tm_pto.stepper import StepperConfig, StepperMotor
@@ -15,7 +15,6 @@ __all__ = [
     "PtoConfig",
     "PtoModule",
     "PulseGenerator",
-    "SignalType",
     "StepperConfig",
     "StepperMotor",
 ]

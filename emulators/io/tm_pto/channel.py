@@ -11,7 +11,6 @@ from emulators.drive.profidrive.statemachine import AxisState, GeneralStateMachi
 from emulators.encoder._encoder import ZeroMarkListener
 from emulators.encoder.profidrive import EncoderAbilities, EncoderFormat, EncoderInterface
 from emulators.encoder.profidrive.interface import SIGN_OF_LIFE_FAILED
-from emulators.io.tm_pto._terminals import InputTerminal
 from emulators.io.tm_pto.config import FREQUENCY_MIN_HZ, SIGNS_UNMONITORED, PtoConfig
 from emulators.io.tm_pto.pulses import PulseGenerator
 from emulators.io.tm_pto.stepper import StepperMotor
@@ -36,10 +35,44 @@ TRACE_COLUMNS: Final = (
 )
 
 
-class _PulseCounter:
-    """The position of the encoder interface: what the generator has put out."""
+class InputTerminal:
+    """A digital input with its filter (PTO-016): a level counts when it has stood for the whole delay.
 
-    __slots__ = ("_generator", "counts_per_revolution")
+    Args:
+        scheduler: Time of the bench.
+        delay_ms: Input delay.
+        on_edge: Called at the end of the delay, with the new level.
+
+    """
+
+    def __init__(self, scheduler: Scheduler, delay_ms: float, on_edge: Callable[[bool], None]) -> None:
+        self._scheduler = scheduler
+        self._delay = round(delay_ms * MS)
+        self._on_edge = on_edge
+        self._raw = False
+        self._timer: Timer | None = None
+        self.level = False
+        """Level behind the filter."""
+
+    def drive(self, level: bool) -> None:
+        """Bring a level to the terminal, now."""
+        if level is self._raw:
+            return
+        self._raw = level
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if level is not self.level:
+            self._timer = self._scheduler.after(self._delay, self._settle)
+
+    def _settle(self) -> None:
+        self._timer = None
+        self.level = self._raw
+        self._on_edge(self.level)
+
+
+class _PulseCounter:
+    """The position of the encoder interface: what the generator has output."""
 
     def __init__(self, generator: PulseGenerator, increments: int) -> None:
         self._generator = generator
@@ -57,8 +90,8 @@ class _PulseCounter:
 
 
 class PtoChannel:
-    """One channel. Per bus cycle: `receive` with the frame that has come, if one has, then `cycle`, then
-    `transmit`.
+    """One channel. Per bus cycle: `receive` with the frame that has come, if one has,
+    then `cycle`, then `transmit`.
 
     Args:
         scheduler: Time of the bench.
@@ -71,50 +104,14 @@ class PtoChannel:
 
     """
 
-    __slots__ = (
-        "_count_actions",
-        "_count_timer",
-        "_cyclic",
-        "_dr",
-        "_dr_dropped",
-        "_frame",
-        "_g1_stw",
-        "_last_sign",
-        "_machine",
-        "_mi",
-        "_missed",
-        "_pending",
-        "_rs",
-        "_scheduler",
-        "_setpoint",
-        "_short",
-        "_sign_errors",
-        "_signs_running",
-        "_stopped",
-        "_stw1",
-        "_stw2",
-        "_supply",
-        "_telegram",
-        "_watchdog",
-        "_zsw",
-        "_zsw1",
-        "config",
-        "ed",
-        "fault",
-        "generator",
-        "interface",
-        "motor",
-        "refused",
-    )
-
     def __init__(self, scheduler: Scheduler, config: PtoConfig, *, watchdog_cycles: int = 3) -> None:
         if watchdog_cycles < 1:
             raise ConfigurationError("pulse channel watchdog_cycles", watchdog_cycles, "1 or more")
         self._scheduler = scheduler
         self.config: Final = config
         self._watchdog = watchdog_cycles
-        self._telegram = telegram(3) if config.standard else pto_telegram()
-        self.generator: Final = PulseGenerator(pause_ns=config.reversal_pause_ms * MS)
+        self._telegram = telegram(3) if config.settings.standard else pto_telegram()
+        self.generator: Final = PulseGenerator(pause_ns=config.settings.reversal_pause_ms * MS)
         self.generator.advance(scheduler.now)
         self._machine = GeneralStateMachine()
         self._machine.state = AxisState.S1  # it does not wait for control by PLC first (PTO-142)
@@ -127,19 +124,19 @@ class PtoChannel:
                 start_value=config.start_value,
             ),
             EncoderAbilities(
-                reference_marks=int(config.use_rs),
-                measuring=2 if config.use_mi else 0,
+                reference_marks=int(config.settings.use_rs),
+                measuring=2 if config.settings.use_mi else 0,
                 home=False,
-                parking=not config.strict_parking,
+                parking=not config.settings.strict_parking,
             ),
         )
         """The encoder interface; its faults can be brought about there."""
         self.motor: StepperMotor | None = None
         """What the pulses turn, if anything."""
-        self._dr = InputTerminal(scheduler, config.input_delay_ms, self._on_dr)
+        self._dr = InputTerminal(scheduler, config.settings.input_delay_ms, self._on_dr)
         self._dr_dropped = False
-        self._rs = InputTerminal(scheduler, config.input_delay_ms, self._on_rs)
-        self._mi = InputTerminal(scheduler, config.input_delay_ms, self._on_mi)
+        self._rs = InputTerminal(scheduler, config.settings.input_delay_ms, self._on_rs)
+        self._mi = InputTerminal(scheduler, config.settings.input_delay_ms, self._on_mi)
         self._count_actions: list[tuple[int, Callable[[], None]]] = []
         self._count_timer: Timer | None = None
         self._supply = True
@@ -170,8 +167,8 @@ class PtoChannel:
         return self._machine.state
 
     def receive(self, frame: bytes) -> bool:
-        """Take a frame for the next cycle; return False when its length is wrong: it is a configuration error
-        (PTO-039).
+        """Take a frame for the next cycle; return False when its length is wrong: it is a
+        configuration error (PTO-039).
         """
         if len(frame) != self._telegram.setpoint.length:
             self.refused += 1
@@ -217,8 +214,8 @@ class PtoChannel:
         terminals[terminal].drive(level)
 
     def at_count(self, count: int, action: Callable[[], None]) -> None:
-        """Call `action` at the instant at which the generator's count reaches `count`, once, now if it stands
-        there.
+        """Call `action` at the instant at which the generator's count reaches
+        `count`, once, now if it stands there.
         """
         self._count_actions.append((count, action))
         self.generator.advance(self._scheduler.now)
@@ -270,7 +267,7 @@ class PtoChannel:
             number,
             self._stw1,
             self._zsw1,
-            self._setpoint * self.config.reference_speed,
+            self._setpoint * self.config.settings.reference_speed_rpm,
             self.speed_rpm,
             self._g1_stw,
             self._zsw,
@@ -288,7 +285,7 @@ class PtoChannel:
     def _take_over(self, frame: bytes) -> None:
         before = self._stw1
         stw1, setpoint, self._stw2, self._g1_stw = self._telegram.setpoint.unpack(frame)
-        one = N4_ONE if self.config.standard else N2_ONE
+        one = N4_ONE if self.config.settings.standard else N2_ONE
         if stw1 & STW1.CONTROL_BY_PLC:
             self._stw1 = stw1
             self._setpoint = setpoint / one
@@ -334,7 +331,7 @@ class PtoChannel:
         off = Off.NONE
         if self.fault or self._short or not self._supply or not stw1 & STW1.CONTROL_BY_PLC:
             off = Off.OFF2
-        ready = self._dr.level or not config.use_dr
+        ready = self._dr.level or not config.settings.use_dr
         machine.step(stw1, off=off, standstill=generator.frequency == 0.0, ready=ready)
         dropped, self._dr_dropped = self._dr_dropped or not ready, False
         if machine.state in _STOPPING and dropped:
@@ -347,7 +344,7 @@ class PtoChannel:
         ramp = full * 1000.0 / config.ramp_stop_ms
         if state is AxisState.S4 and stw1 & STW1.RAMP_ENABLE:
             wanted = (
-                config.frequency(self._setpoint * config.reference_speed)
+                config.frequency(self._setpoint * config.settings.reference_speed_rpm)
                 if stw1 & STW1.SETPOINT_ENABLE
                 else 0.0
             )
@@ -361,7 +358,7 @@ class PtoChannel:
         if self._count_actions:
             self._expect_counts()
         enabled = state in _STOPPING or (state is AxisState.S3 and bool(stw1 & STW1.ENABLE_OPERATION))
-        self.ed = config.use_ed and enabled
+        self.ed = config.settings.use_ed and enabled
         # A position that the outputs do not follow is none: parking is shown as long (PTO-188).
         self.interface.valid = self._supply and not self._short
 
@@ -388,8 +385,8 @@ class PtoChannel:
             zsw1 |= ZSW1.SPEED_REACHED
         self._zsw1 = zsw1
         self._zsw, xist1, xist2 = words
-        share = self.speed_rpm / config.reference_speed
-        if config.standard:
+        share = self.speed_rpm / config.settings.reference_speed_rpm
+        if config.settings.standard:
             return self._telegram.actual.pack(zsw1, to_n4(share), 0, self._zsw, xist1, xist2)
         requested = ZSW2_ENC.CONTROL_REQUESTED if self._supply else 0
         return self._telegram.actual.pack(zsw1, to_n2(share), requested, self._zsw, xist1, xist2)
@@ -397,18 +394,18 @@ class PtoChannel:
     # -- terminals -------------------------------------------------------------------------------------
 
     def _on_dr(self, level: bool) -> None:
-        if not level and self.config.use_dr and self._machine.state in _STOPPING:
+        if not level and self.config.settings.use_dr and self._machine.state in _STOPPING:
             self._dr_dropped = True
             self.generator.halt(self._scheduler.now)
             self._expect_counts()
 
     def _on_rs(self, level: bool) -> None:
-        if self.config.use_rs and level is self.config.rs_rising:
+        if self.config.settings.use_rs and level is self.config.rs_rising:
             self.generator.advance(self._scheduler.now)
             self.interface.reference_mark(1, self.generator.count)
 
     def _on_mi(self, level: bool) -> None:
-        if self.config.use_mi:
+        if self.config.settings.use_mi:
             self.generator.advance(self._scheduler.now)
             self.interface.probe_edge(1, level, self.generator.count)
 

@@ -1,5 +1,5 @@
-"""The module: two channels with one supply and one diagnosis of the digital outputs (PTO-204 to PTO-210,
-PTO-290).
+"""The module: two channels with one supply and one diagnosis of the digital outputs
+(PTO-204 to PTO-210, PTO-290).
 """
 
 from __future__ import annotations
@@ -27,8 +27,6 @@ class PtoModule:
         ConfigurationError: There are not two channels.
 
     """
-
-    __slots__ = ("_scheduler", "_shorts", "_supply", "channels", "diagnostics", "failed")
 
     def __init__(
         self, scheduler: Scheduler, configs: Sequence[PtoConfig], *, watchdog_cycles: int = 3
@@ -63,8 +61,8 @@ class PtoModule:
         return (bytes(len(frame)), False) if self.failed else (frame, True)
 
     def short_circuit(self, channel: int, present: bool) -> None:
-        """Bring about a short circuit at an output of a channel, or remove it: both channels stop
-        (PTO-207).
+        """Bring about a short circuit at an output of a channel, or remove
+        it: both channels stop (PTO-207).
         """
         if self._shorts[channel] is present:
             return

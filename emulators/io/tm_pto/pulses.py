@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from emulators.io.tm_pto.config import FREQUENCY_MIN_HZ, SignalType
+from emulators.drive.pto_settings import Signals
+from emulators.io.tm_pto.config import FREQUENCY_MIN_HZ
 from fieldbus.clock import S
 
 _SLACK: Final = 1e-6
@@ -17,26 +18,13 @@ _SLACK: Final = 1e-6
 
 
 class PulseGenerator:
-    """Counts what it puts out. Positive frequencies count up.
+    """Counts its output pulses. Positive frequencies count up.
 
     Args:
         pause_ns: No pulses for this time between two directions.
         count: First value of the count.
 
     """
-
-    __slots__ = (
-        "_direction",
-        "_now",
-        "_pause",
-        "_pieces",
-        "_slope",
-        "_still_since",
-        "_target",
-        "_x",
-        "count",
-        "frequency",
-    )
 
     def __init__(self, *, pause_ns: int = 0, count: int = 0) -> None:
         self._pause = pause_ns
@@ -48,7 +36,7 @@ class PulseGenerator:
         self._direction = 0
         self._still_since = 0
         self.count = count
-        """Pulses put out, with their sign, since power-on, not wrapped."""
+        """Output pulses, with their sign, since power-on, not wrapped."""
         self.frequency = 0.0
         """Present frequency, Hz, with its sign."""
 
@@ -138,15 +126,15 @@ class PulseGenerator:
             return at + math.ceil((count - x) / frequency * S)
         return None
 
-    def levels(self, signal_type: SignalType) -> tuple[bool, bool]:
+    def levels(self, signals: Signals) -> tuple[bool, bool]:
         """Return the levels of both pulse terminals now."""
         phase = self._x % 1.0
-        if signal_type is SignalType.PULSE_DIRECTION:
+        if signals == "pulse_direction":
             return bool(self.frequency) and phase < 0.5, self.negative
-        if signal_type is SignalType.UP_DOWN:
+        if signals == "up_down":
             pulse = bool(self.frequency) and phase < 0.5
             return pulse and not self.negative, pulse and self.negative
-        quarter = self.count % 4 if signal_type is SignalType.AB_FOURFOLD else int(phase * 4.0)
+        quarter = self.count % 4 if signals == "ab_fourfold" else int(phase * 4.0)
         return quarter in {1, 2}, quarter in {2, 3}
 
     def _move(self, way: float) -> None:

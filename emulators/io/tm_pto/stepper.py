@@ -1,5 +1,5 @@
-"""Stepper motor behind a pulse channel: follows pulse by pulse, and loses steps when it is overloaded
-(PTO-293).
+"""Stepper motor behind a pulse channel: follows pulse by pulse, and loses steps
+when it is overloaded (PTO-293).
 
 No dynamics of the rotor: while it follows, it stands where the pulses say. It falls out of step when the
 torque that it needs is more than the pull-out torque at its frequency, and stands still until the pulses come
@@ -20,7 +20,7 @@ STEPS_PER_PERIOD: Final = 4
 """Full steps in an electrical period: the rotor catches again a whole number of periods away."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class StepperConfig:
     """Motor and load.
 
@@ -69,17 +69,6 @@ class StepperMotor:
         config: Motor and load.
 
     """
-
-    __slots__ = (
-        "_generator",
-        "_per_step",
-        "_stood_at",
-        "config",
-        "energised",
-        "load_torque",
-        "lost",
-        "stalled",
-    )
 
     def __init__(self, generator: PulseGenerator, config: StepperConfig) -> None:
         self._generator = generator

@@ -66,7 +66,7 @@ def _ports(injection: Injection, segment: VirtualSegment) -> list[CanPort]:
     return [by_name[name] for name in wanted]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class AtNodes(Generic[V]):
     """The effect of a kind that sets one thing at every node that the fault names.
 
@@ -137,7 +137,7 @@ def _bus_off(injection: Injection) -> Action:
 # -- the wire --------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class HeldLevel:
     """The effect of a bus that stays at a level: 0 dominant, 1 recessive."""
 
@@ -157,8 +157,8 @@ class HeldLevel:
 
 
 def _noise(injection: Injection) -> Action:
-    """Return the action that inverts bits at random; the distance of two wrong bits has a geometric
-    distribution.
+    """Return the action that inverts bits at random; the distance of two wrong
+    bits has a geometric distribution.
     """
     segment, bench = _virtual(injection), injection.bench
     rate = injection.values.number("bit_error_rate")

@@ -17,7 +17,7 @@ from hil.faults.seams import BenchWithController, ProgrammedController, offers
 _NAME: Final = "controller"
 
 
-@dataclass(slots=True)
+@dataclass
 class HeldController:
     """What the faults of a controller hold at present: they may overlap, and it is free when the last
     one ends.
@@ -92,7 +92,7 @@ class HeldController:
             self.controller.levels.set_computing_time(interpolator_ns=self.times[level][-1])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class AtController:
     """The effect of a kind on the controller of the bench.
 

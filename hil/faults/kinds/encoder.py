@@ -1,5 +1,5 @@
-"""Faults of encoders: of the motor encoder of a drive, and of encoders that are devices of their own
-(C402-312).
+"""Faults of encoders: of the motor encoder of a drive, and of encoders that are
+devices of their own (C402-312).
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Faults of CAN frames: a hook in the segment that picks the frames it hits, and a foreign node that
-sends.
+"""Faults of CAN frames: a hook in the segment that picks the frames it hits,
+and a foreign node that sends.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _FOREIGN: Final = (_STRANGER, _RIVAL, _TWIN, "load", "babbler")
 """Senders that faults bring with them."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class HitFrames:
     """The effect of a kind that does something to the frames which its parameters select.
 
@@ -153,8 +153,8 @@ def _node_names(segment: FrameSegment) -> list[str]:
 
 
 def _selected_identifier(injection: Injection, segment: FrameSegment) -> tuple[int, int]:
-    """Return the identifier that the parameters select, and the bits of it that count; 0 bits: every
-    frame.
+    """Return the identifier that the parameters select, and the bits of it
+    that count; 0 bits: every frame.
     """
     values = injection.values
     message, can_id = values.text("message"), values.optional_integer("can_id")

@@ -116,7 +116,7 @@ class _Choice:
 # -- frames ----------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Frame:
     """A frame on a link."""
 
@@ -144,7 +144,7 @@ Treatment = Callable[[Frame, Values], "tuple[Change | None, str]"]
 """Returns what becomes of a frame, and that in a text; None: it does not fit."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class HitModbusFrames:
     """The effect of a kind that does something to frames which pass a virtual link.
 

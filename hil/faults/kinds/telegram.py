@@ -122,7 +122,7 @@ def _difference(before: bytes, after: bytes) -> str:
 # -- signals ---------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class AtSignal:
     """The effect of a kind on one signal, word or bit of a telegram.
 
@@ -208,7 +208,7 @@ def _scale(injection: Injection, _telegram: Telegram, place: places.Place) -> pl
 # -- whole telegrams -------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class AtTelegram:
     """The effect of a kind on whole telegrams of one direction.
 

@@ -60,8 +60,8 @@ def severity(reaction: int) -> int:
 
 
 def stop_mode_severity(mode: int) -> int:
-    """Return the severity of `MC_Stop` with `Mode` 0, 2 or 3, on the scale of `severity` (STP-433 to
-    STP-435).
+    """Return the severity of `MC_Stop` with `Mode` 0, 2 or 3, on the scale of
+    `severity` (STP-433 to STP-435).
 
     Raises:
         AlarmError: There is no such mode.
@@ -73,7 +73,7 @@ def stop_mode_severity(mode: int) -> int:
     return severity(reactions[mode])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class AlarmEntry:
     """One technology alarm of the catalogue."""
 
@@ -117,7 +117,7 @@ class AlarmEntry:
         return f"{self.text}: {self.causes[info - 1]}" if 0 < info <= len(self.causes) else self.text
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ErrorIdEntry:
     """One `ErrorID` of the `MC_` instructions."""
 

@@ -38,8 +38,8 @@ class PendingAlarm:
 
     @property
     def priority(self) -> tuple[int, int, int]:
-        """Sort key of `ErrorDetail`: effect, then class, then the earlier one; the largest is shown
-        (TA-004).
+        """Sort key of `ErrorDetail`: effect, then class, then the earlier one;
+        the largest is shown (TA-004).
         """
         return severity(self.reaction), _CLASS_RANK[self.entry.alarm_class], -self.sequence
 
@@ -77,18 +77,13 @@ class AlarmEngine:
 
     Args:
         name: Source of history events.
-        object_type: Type of the technology object; it decides which alarms are possible and the reaction
-            shown.
+        object_type: Type of the technology object; it decides which alarms are
+            possible and the reaction shown.
         history: Log for `alarm.raised`, `alarm.gone` (a cause held by `set_cause` has ended, the alarm is
             still pending), `alarm.acknowledged` and `alarm.cleared`.
         on_alarm: Called with every new alarm, and with a pending one whose reaction became stronger.
 
     """
-
-    __slots__ = (
-        "_causes", "_history", "_name", "_object_type", "_on_alarm", "_pending", "_sequence", "_waiting",
-        "diagnostic_buffer", "error_word", "number", "reaction", "warning_word",
-    )  # fmt: skip
 
     def __init__(
         self,
@@ -228,8 +223,8 @@ class AlarmEngine:
         self.raise_alarm(number, reaction=reaction, info=info, text=text, restart=restart)
 
     def update(self) -> None:
-        """Raise the alarms again that have been acknowledged although their cause is present; once per
-        cycle.
+        """Raise the alarms again that have been acknowledged although their
+        cause is present; once per cycle.
         """
         if not self._waiting:
             return
@@ -251,8 +246,8 @@ class AlarmEngine:
         return self._clear([number for number, alarm in self._pending.items() if not alarm.restart])
 
     def restart(self) -> tuple[int, ...]:
-        """Clear all alarms (`MC_Reset` with `Restart` = TRUE; STP-079); returns an empty tuple, as
-        `acknowledge`.
+        """Clear all alarms (`MC_Reset` with `Restart` = TRUE; STP-079); returns an
+        empty tuple, as `acknowledge`.
         """
         return self._clear(list(self._pending))
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from math import isfinite, nan, tau
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from motion.s7.units import millimetres
 
@@ -70,7 +70,7 @@ class AlarmSink(Protocol):
 
 class Read(NamedTuple):
     """A parameter to be read, and the number of the cause in the alarm if that fails (TA-013); 0 = the
-    transfer goes on without it.
+    transfer continues without it.
     """
 
     number: int
@@ -85,7 +85,17 @@ class Read(NamedTuple):
 
 
 class InvalidValueError(ValueError):
-    """A parameter has a value that no axis can work with."""
+    """A parameter has a value that no axis can work with.
+
+    Args:
+        message: What is wrong.
+        place: Which one of the parameters read it is, from 0.
+
+    """
+
+    def __init__(self, message: str, place: int) -> None:
+        super().__init__(message)
+        self.place = place
 
 
 _DRIVE_READS: Final = (
@@ -106,23 +116,6 @@ def _encoder_reads(interface: int) -> tuple[Read, ...]:
 
 class _Transfer:
     """One part: the drive, or one encoder. `take` turns the values read into variables."""
-
-    __slots__ = (
-        "_age",
-        "_at",
-        "_axis_name",
-        "_history",
-        "_values",
-        "alarm",
-        "prefix",
-        "reads",
-        "selected",
-        "source",
-        "state",
-        "state_path",
-        "store",
-        "unused_cause",
-    )
 
     def __init__(
         self,
@@ -162,8 +155,8 @@ class _Transfer:
             )
 
     def begin(self, on_end: Callable[[_Transfer, list[float] | None, str, int], None]) -> None:
-        """Read everything, one after the other; `on_end` gets the values, or None with the reason and its
-        number.
+        """Read everything, one after the other; `on_end` gets the values, or None
+        with the reason and its number.
         """
         self._age += 1
         age = self._age
@@ -201,15 +194,17 @@ class _Transfer:
         self.set_state(NOT_ADAPTED)
 
 
-def _positive(value: float, what: str) -> float:
+def _positive(values: list[float], place: int, what: str) -> float:
+    value = values[place]
     if not (isfinite(value) and value > 0.0):
-        raise InvalidValueError(f"{what} = {value:g} is not above 0")
+        raise InvalidValueError(f"{what} = {value:g} is not above 0", place)
     return value
 
 
-def _whole(value: float, low: int, high: int, what: str) -> int:
+def _whole(values: list[float], place: int, low: int, high: int, what: str) -> int:
+    value = values[place]
     if not (isfinite(value) and low <= value <= high and value == int(value)):
-        raise InvalidValueError(f"{what} = {value:g} is not within {low} to {high}")
+        raise InvalidValueError(f"{what} = {value:g} is not within {low} to {high}", place)
     return int(value)
 
 
@@ -221,14 +216,12 @@ class Adaption:
         drive: Port of the drive; None for an external encoder.
         encoders: Port of every encoder in turn.
         alarms: Where alarms go.
-        apply: Called after values of the variables in force have changed.
+        apply: Called after values of the variables in effect have changed.
         simulated: Whether the connection is not used; then nothing is transferred.
         name: Source of history events.
         history: Log, or None.
 
     """
-
-    __slots__ = ("_alarms", "_apply", "_done_once", "_link", "_parts", "_store", "ready")
 
     def __init__(
         self,
@@ -245,10 +238,10 @@ class Adaption:
         self._store = store
         self._alarms = alarms
         self._apply = apply
-        self._done_once: dict[str, tuple[Any, ...]] = {}
+        self._done_once: dict[str, tuple[object, ...]] = {}
         self.ready = True
-        """Whether nothing stands against enabling: everything that is selected is transferred (CFG-353,
-        CFG-354).
+        """Whether nothing stands against enabling: everything that is selected is
+        transferred (CFG-353, CFG-354).
         """
         parts = []
         if drive is not None:
@@ -277,7 +270,7 @@ class Adaption:
                     prefix=prefix,
                     state_path=f"StatusSensor{place}.AdaptionState",
                     alarm=ALARM_ENCODER_TRANSFER,
-                    reads=_encoder_reads(store.read(f"{prefix}.Interface.Number")),
+                    reads=_encoder_reads(store.read_int(f"{prefix}.Interface.Number")),
                     name=name,
                     history=history,
                 )
@@ -336,7 +329,7 @@ class Adaption:
         try:
             changes = self._drive(part, values) if part.prefix == "Actor" else self._encoder(part, values)
         except InvalidValueError as error:
-            self._fail(part, str(error), part.reads[-1].cause)
+            self._fail(part, str(error), part.reads[error.place].cause)
             return
         bind = self._store.bind
         changed = {path: value for path, value in changes.items() if bind(path).value != value}
@@ -359,8 +352,8 @@ class Adaption:
         self._refresh()
         self._alarms.raise_alarm(part.alarm, info=cause, text=reason)
 
-    def _drive(self, part: _Transfer, values: list[float]) -> dict[str, Any]:
-        telegram, motor, reference, maximum, torque, *inertias = values
+    def _drive(self, part: _Transfer, values: list[float]) -> dict[str, float]:
+        telegram, motor, _, _, _, *inertias = values
         if part.source.telegram_number and telegram != part.source.telegram_number:
             self._alarms.raise_alarm(
                 ALARM_DRIVE_DIFFERS,
@@ -372,28 +365,26 @@ class Adaption:
         if linear and (speed_axis or self._store.read("Properties.MotionType") == 1):
             self._alarms.raise_alarm(ALARM_DRIVE_DIFFERS, info=5, text="linear motor configured in the drive")
             linear = False
-        for value, what in ((reference, "p2000"), (maximum, "p1082"), (torque, "p2003")):
-            _positive(value, what)
+        references = tuple(
+            _positive(values, place, what) for place, what in ((2, "p2000"), (3, "p1082"), (4, "p2003"))
+        )
         if linear:
             place = "Actor.LinearMotorDriveParameter."
             names = ("ReferenceVelocity", "MaxVelocity", "ReferenceForce")
         else:
             place, names = "Actor.DriveParameter.", ("ReferenceSpeed", "MaxSpeed", "ReferenceTorque")
-        changes: dict[str, Any] = {} if speed_axis else {"Actor.MotorType": int(linear)}
-        changes |= {
-            place + name: float(value)
-            for name, value in zip(names, (reference, maximum, torque), strict=True)
-        }
+        changes: dict[str, float] = {} if speed_axis else {"Actor.MotorType": int(linear)}
+        changes |= {place + name: float(value) for name, value in zip(names, references, strict=True)}
         if inertias:
             changes |= self._inertias(*inertias, linear=linear)
         return changes
 
-    def _inertias(self, motor: float, load: float, *, linear: bool) -> dict[str, Any]:
+    def _inertias(self, motor: float, load: float, *, linear: bool) -> dict[str, float]:
         """Return the inertias of the drive, p0341 and p1498, the second one as it is at the load (CFG-575 to
         CFG-577, CFG-581).
         """
         read = self._store.read
-        changes: dict[str, Any] = {}
+        changes: dict[str, float] = {}
         if motor >= 0.0:
             place = "LinearMotorDriveParameter.MotorMass" if linear else "DriveParameter.MotorInertia"
             changes[f"Actor.{place}"] = motor
@@ -402,20 +393,23 @@ class Adaption:
                 load *= (read("LoadGear.Numerator") / read("LoadGear.Denominator")) ** 2
                 if read("Properties.MotionType") == 0:
                     load *= (
-                        tau * 1e3 / read("Mechanics.LeadScrew") / millimetres(read("Units.LengthUnit"))
+                        tau
+                        * 1e3
+                        / read("Mechanics.LeadScrew")
+                        / millimetres(self._store.read_int("Units.LengthUnit"))
                     ) ** 2
             changes["Actor.LoadInertia"] = load
         return changes
 
-    def _encoder(self, part: _Transfer, values: list[float]) -> dict[str, Any]:
-        kind, resolution, fine1, fine2, revolutions, reference = values
+    def _encoder(self, part: _Transfer, values: list[float]) -> dict[str, float]:
+        kind, _, _, _, revolutions, _ = values
         prefix = part.prefix
         bits = int(kind)
         if not bits & _VALID:
-            raise InvalidValueError("p0979: the encoder is not valid (bit 31 of its type)")
+            raise InvalidValueError("p0979: the encoder is not valid (bit 31 of its type)", 0)
         linear = bool(bits & _LINEAR)
         if linear and self._store.read("Properties.MotionType") == 1:
-            raise InvalidValueError("p0979: a linear encoder cannot measure a rotary object")
+            raise InvalidValueError("p0979: a linear encoder cannot measure a rotary object", 0)
         absolute = self._store.read(f"{prefix}.Type") != 0
         if absolute is not (revolutions > 0):
             self._alarms.raise_alarm(
@@ -425,17 +419,17 @@ class Adaption:
                 f"revolutions",
             )
         place = f"{prefix}.Parameter."
-        changes: dict[str, Any] = {
+        changes: dict[str, float] = {
             f"{prefix}.System": 0 if linear else 1,
-            f"{place}FineResolutionXist1": _whole(fine1, 0, 31, "p0979, fine resolution of Gx_XIST1"),
-            f"{place}FineResolutionXist2": _whole(fine2, 0, 31, "p0979, fine resolution of Gx_XIST2"),
-            f"{place}DeterminableRevolutions": _whole(revolutions, 0, _MOST_STEPS, "p0979, revolutions"),
+            f"{place}FineResolutionXist1": _whole(values, 2, 0, 31, "p0979, fine resolution of Gx_XIST1"),
+            f"{place}FineResolutionXist2": _whole(values, 3, 0, 31, "p0979, fine resolution of Gx_XIST2"),
+            f"{place}DeterminableRevolutions": _whole(values, 4, 0, _MOST_STEPS, "p0979, revolutions"),
         }
         if linear:
-            unit = millimetres(self._store.read("Units.LengthUnit"))
-            changes[f"{place}Resolution"] = _positive(resolution, "p0979, distance of lines") * 1e-6 / unit
-            changes[f"{place}ReferenceVelocity"] = _positive(reference, "p2000")
+            unit = millimetres(self._store.read_int("Units.LengthUnit"))
+            changes[f"{place}Resolution"] = _positive(values, 1, "p0979, distance of lines") * 1e-6 / unit
+            changes[f"{place}ReferenceVelocity"] = _positive(values, 5, "p2000")
         else:
-            changes[f"{place}StepsPerRevolution"] = _whole(resolution, 1, _MOST_STEPS, "p0979, resolution")
-            changes[f"{place}ReferenceSpeed"] = _positive(reference, "p2000")
+            changes[f"{place}StepsPerRevolution"] = _whole(values, 1, 1, _MOST_STEPS, "p0979, resolution")
+            changes[f"{place}ReferenceSpeed"] = _positive(values, 5, "p2000")
         return changes

@@ -33,8 +33,6 @@ class AxisAlarms:
 
     """
 
-    __slots__ = ("_warned", "blocking", "disabling", "engine", "on_reaction", "stop_severity")
-
     def __init__(self, name: str, object_type: str, history: History | None) -> None:
         self.engine = AlarmEngine(name, object_type=object_type, history=history, on_alarm=self._on_alarm)
         self.on_reaction: Callable[[int], object] | None = None
@@ -72,8 +70,8 @@ class AxisAlarms:
         text: str = "",
         restart: bool | None = None,
     ) -> None:
-        """Raise alarm `number`; `reaction` and `restart` for those of which they depend on configuration or
-        cause.
+        """Raise alarm `number`; `reaction` and `restart` for those of which they
+        depend on configuration or cause.
         """
         self.engine.raise_alarm(number, reaction=reaction, info=info, text=text, restart=restart)
 
@@ -90,9 +88,8 @@ class AxisAlarms:
             self.engine.raise_alarm(number, info=info)
 
     def watch_inputs(self, readable: bool, *, expected: bool) -> None:
-        """Raise 401 while the switches of an axis in operation cannot be read; a lost drive has an alarm of
-        its
-        own (TA-020).
+        """Raise 401 while the switches of an axis in operation cannot be read; a lost drive
+        has an alarm of its own (TA-020).
 
         Args:
             readable: The switches can be read.
@@ -105,8 +102,8 @@ class AxisAlarms:
             engine.set_cause(ALARM_ADDRESS, not readable and (held or expected), info=INPUT_ADDRESS)
 
     def acknowledge(self) -> None:
-        """Clear what can be cleared (`MC_Reset`); causes still present raise their alarm again at once
-        (STP-072).
+        """Clear what can be cleared (`MC_Reset`); causes still present raise their
+        alarm again at once (STP-072).
 
         So there is no cycle in which the words of the object know nothing of a fault that lasts.
         """
@@ -140,8 +137,6 @@ class MonitoringAlarms:
         alarms: The alarms of the axis.
 
     """
-
-    __slots__ = ("_alarms",)
 
     def __init__(self, alarms: AxisAlarms) -> None:
         self._alarms = alarms

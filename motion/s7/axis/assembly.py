@@ -44,29 +44,29 @@ def sensor_prefixes(store: VariableStore) -> list[str]:
 
 
 def _ratio(store: VariableStore, path: str) -> Fraction:
-    return Fraction(store.read(f"{path}.Numerator"), store.read(f"{path}.Denominator"))
+    return Fraction(store.read_int(f"{path}.Numerator"), store.read_int(f"{path}.Denominator"))
 
 
 def _encoder_data(store: VariableStore, prefix: str) -> EncoderData:
-    read = store.read
+    read, whole = store.read, store.read_int
     parameter = f"{prefix}.Parameter."
     external = store.object_type == "ExternalEncoder"
     linear = read(f"{prefix}.System") == _LINEAR_SYSTEM
     return EncoderData(
-        kind=read(f"{prefix}.Type"),
+        kind=whole(f"{prefix}.Type"),
         linear=linear,
-        inverse=read(f"{prefix}.InverseDirection"),
-        mounting=MOTOR_SIDE if external else read(f"{prefix}.MountingMode"),
+        inverse=store.read_bool(f"{prefix}.InverseDirection"),
+        mounting=MOTOR_SIDE if external else whole(f"{prefix}.MountingMode"),
         gear=Fraction(1) if external else _ratio(store, f"{prefix}.MeasuringGear"),
-        steps=read(f"{parameter}StepsPerRevolution"),
+        steps=whole(f"{parameter}StepsPerRevolution"),
         resolution=read(f"{parameter}Resolution"),
         distance=0.0 if external else read(f"{parameter}DistancePerRevolution"),
-        fine_bits=read(f"{parameter}FineResolutionXist1"),
-        revolutions=read(f"{parameter}DeterminableRevolutions"),
+        fine_bits=whole(f"{parameter}FineResolutionXist1"),
+        revolutions=whole(f"{parameter}DeterminableRevolutions"),
         full_width=read(f"{parameter}BehaviorGx_XIST1") != 0,
         velocity_from_drive=read(f"{prefix}.ActualVelocityMode") == 1,
         reference=read(f"{parameter}{'ReferenceVelocity' if linear else 'ReferenceSpeed'}"),
-        unit_mm=millimetres(read("Units.LengthUnit")) if linear else 1.0,
+        unit_mm=millimetres(whole("Units.LengthUnit")) if linear else 1.0,
     )
 
 
@@ -86,7 +86,7 @@ def mechanics_of(store: VariableStore, *, apart: Sequence[bool] = ()) -> Mechani
     direction = -1.0 if not external and read("Actor.InverseDirection") else 1.0
     if store.object_type == "SpeedAxis":
         return Mechanics(gear * direction)
-    unit = read("Units.LengthUnit")
+    unit = store.read_int("Units.LengthUnit")
     rotary = read("Properties.MotionType") == _ROTARY
     travel = per_revolution(unit) if rotary else read("Mechanics.LeadScrew")
     linear_motor = not external and read("Actor.MotorType") == _LINEAR_MOTOR
@@ -145,7 +145,7 @@ def dynamic_filter_of(
 
     """
     bind = store.bind
-    mode: int = store.read("SetpointFilter.DynamicFilter.Mode")
+    mode = store.read_int("SetpointFilter.DynamicFilter.Mode")
     lead = bind("DynamicAxisModel.CurrentTimeConstant") if precontrol else None
     if not mode and lead is None:
         return None
@@ -158,7 +158,7 @@ def torque_precontrol_of(store: VariableStore) -> TorquePrecontrol:
     """Return the torque pre-control of a positioning axis (CFG section 27)."""
     read, bind = store.read, store.bind
     scale, load_inertia = bind("TorquePreControl.Scale"), bind("Actor.LoadInertia")
-    unit = read("Units.LengthUnit")
+    unit = store.read_int("Units.LengthUnit")
     if read("Actor.MotorType") == _LINEAR_MOTOR:
         return TorquePrecontrol(
             scale=scale,
@@ -238,7 +238,7 @@ def position_control_of(
         kpc=bind("PositionControl.Kpc"),
         time_constant=bind("DynamicAxisModel.VelocityTimeConstant"),
         additional=bind("DynamicAxisModel.AdditionalPositionTimeConstant"),
-        in_drive=store.read("PositionControl.EnableDSC"),
+        in_drive=store.read_bool("PositionControl.EnableDSC"),
         cycle_s=cycle_s,
         dynamic_filter=dynamic_filter,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from math import inf
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from typing_extensions import override
 
@@ -142,12 +142,12 @@ class TechnologyAxis(TechnologyObject):
             section 13).
         cpu: Controller that the object belongs to, one of `motion.s7.compatibility.LEVELS`; it decides how
             many encoders an axis has (CFG-177) and what instructions offer.
-        ramp_times: Ramps as times in s, in place of accelerations, by the names of
-            `motion.s7.axis.ramp_times.RAMPS`.
+        ramp_times: Ramps as times in s, in place of accelerations, by the
+            names of `motion.s7.axis.ramp_times.RAMPS`.
 
     Raises:
-        ConfigurationError: A variable does not exist, its value is out of range, or values do not fit
-            together.
+        ConfigurationError: A variable does not exist, its value is out of range,
+            or values do not fit together.
 
     """
 
@@ -161,7 +161,7 @@ class TechnologyAxis(TechnologyObject):
         *,
         cycle_ns: int,
         interpolator_ns: int | None = None,
-        variables: Mapping[str, Any] | None = None,
+        variables: Mapping[str, object] | None = None,
         history: History | None = None,
         delay_s: float | None = None,
         encoders: Sequence[EncoderPort | DrivePort] | None = None,
@@ -204,8 +204,8 @@ class TechnologyAxis(TechnologyObject):
         self.homing_input = INPUT_HOME
         """Bit of the inputs that is reference cam or homing mark (`DigitalInputAddress`)."""
         self.station_inputs: Callable[[DrivePort], bool] | None = None
-        """Puts the switches at an I/O station into the inputs of the port, once per cycle; returns whether it
-        answers.
+        """Puts the switches at an I/O station into the inputs of the port, once per
+        cycle; returns whether it answers.
         """
         self.status_word = 0
         self.status_word2 = 0
@@ -310,7 +310,7 @@ class TechnologyAxis(TechnologyObject):
     def _preset(
         self,
         store: VariableStore,
-        given: Mapping[str, Any],
+        given: Mapping[str, object],
         port: DrivePort,
         encoders: Sequence[EncoderPort | DrivePort],
     ) -> None:
@@ -389,7 +389,7 @@ class TechnologyAxis(TechnologyObject):
         servo.virtual = store.read("VirtualAxis.Mode") == 1
         servo.simulated = simulated = servo.virtual or store.read("Simulation.Mode") == 1
         if self.has_position:
-            servo.operative_sensor = store.read("PositionControl.InitialOperativeSensor")
+            servo.operative_sensor = store.read_int("PositionControl.InitialOperativeSensor")
         self.torque.begin()
         self.control_words.release()
         self.derive(restart=True, powered_off=powered_off)
@@ -425,9 +425,9 @@ class TechnologyAxis(TechnologyObject):
                 self.history.emit(self.name, "axis.doubt", text=str(doubt))
 
     def derive(self, *, restart: bool = False, powered_off: bool = False) -> None:
-        """Derive ratios, limits and encoders from the variables in force.
+        """Derive ratios, limits and encoders from the variables in effect.
 
-        Without a `restart` an encoder whose data have not changed goes on as it is.
+        Without a `restart` an encoder whose data have not changed continues as it is.
         """
         store, servo = self.variables, self.servo
         apart = [isinstance(one, EncoderPort) and one.interface_number == 1 for one in servo.encoder_ports]
@@ -463,7 +463,7 @@ class TechnologyAxis(TechnologyObject):
         leads = modulo.enabled and self._gives_leading_value()
         self._dynamics.leading = modulo.length / (2.0 * servo.cycle_s) if leads else inf
         self._make_sensors(mechanics, simulated_port, restart=restart, powered_off=powered_off)
-        servo.in_drive = store.read("PositionControl.EnableDSC") and not servo.simulated
+        servo.in_drive = store.read_bool("PositionControl.EnableDSC") and not servo.simulated
         servo.controller = position_control_of(
             store,
             simulated_port,
@@ -473,7 +473,7 @@ class TechnologyAxis(TechnologyObject):
             delay_s=servo.delay_s,
             in_drive=servo.in_drive,
         )
-        position.monitoring.begin(modulo, farthest_position(store.read("Units.LengthUnit")))
+        position.monitoring.begin(modulo, farthest_position(store.read_int("Units.LengthUnit")))
         position.hardware.begin()
         position.software.begin()
         self.take_sensor(servo.operative_sensor)
@@ -528,14 +528,14 @@ class TechnologyAxis(TechnologyObject):
         )
 
     def _gives_leading_value(self) -> bool:
-        """Return whether the axis may lead others: it is configured to put out its leading value."""
+        """Return whether the axis may lead others: it is configured to provide its leading value."""
         read = self.variables.read
         output = "CrossPlcSynchronousOperation.Interface[{}].EnableLeadingValueOutput"
         return any(read(output.format(number)) for number in range(1, 33))
 
     def _delay(self) -> float:
-        """Return T_i + T_o + T_DC + T_servo, s: of a direct connection as it is, of a data block as it is
-        told (CFG-263).
+        """Return T_i + T_o + T_DC + T_servo, s: of a direct connection the real times, of a
+        data block the values that the program sets (CFG-263).
         """
         servo = self.servo
         if servo.simulated:
@@ -556,8 +556,8 @@ class TechnologyAxis(TechnologyObject):
         return max(0.0, 0.5 * (servo.delay_s - servo.cycle_s))
 
     def setpoint_execution_s(self) -> float:
-        """`StatusPositioning.SetpointExecutionTime`: T_ipo, T_vtc or 1 / Kv, T_o and T_DC, s (VAR-115,
-        SYN-063).
+        """`StatusPositioning.SetpointExecutionTime`: T_ipo, T_vtc or 1 / Kv, T_o
+        and T_DC, s (VAR-115, SYN-063).
         """
         servo = self.servo
         read = self.variables.bind
@@ -640,10 +640,10 @@ class TechnologyAxis(TechnologyObject):
         return f"Sensor[{number}]"
 
     def homing_switch(self, path: str) -> bool:
-        """Return whether reference cam or homing input is active: its level is `path.SwitchLevel` (HOM-057,
-        HOM-062).
+        """Return whether reference cam or homing input is active: its level is
+        `path.SwitchLevel` (HOM-057, HOM-062).
         """
-        level: bool = self.variables.read(f"{path}.SwitchLevel")
+        level = self.variables.read_bool(f"{path}.SwitchLevel")
         return (self.servo.port.inputs & self.homing_input != 0) is level
 
     def shift_setpoints(self, offset: float) -> None:
@@ -658,7 +658,7 @@ class TechnologyAxis(TechnologyObject):
             self.leading_value.shift(offset)
 
     def ends_passive_homing(self) -> int | None:
-        """Return why passive homing cannot go on: an ErrorID, 0 = it is aborted, None = it can (OVR-115)."""
+        """Return why passive homing cannot continue: an ErrorID, 0 = aborted, None = it can (OVR-115)."""
         if self.alarms.blocking:
             return ERROR_ALARM
         return None if self.states.facts.enabled and not self._enabling.disabling else 0

@@ -5,8 +5,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from fieldbus.errors import ConfigurationError
 from motion.kernel.mechanics import CYCLIC_ABSOLUTE, EXTERNAL, LOAD_SIDE, MOTOR_SIDE
@@ -23,9 +23,6 @@ DRIVE_WITH_ENCODER: Final = (3, 4, 5, 6, 102, 103, 105, 106)
 DRIVE_TELEGRAMS: Final = (1, 2, *DRIVE_WITH_ENCODER)
 """Telegrams of the setpoint (CFG-195, CFG-197)."""
 DSC_TELEGRAMS: Final = (5, 6, 105, 106)
-TORQUE_TELEGRAMS: Final = (102, 103, 105, 106)
-"""Telegrams with torque reduction (CFG-408)."""
-TWO_ENCODERS: Final = (4, 6, 103, 106)
 
 DIGITAL_OVERRUN: Final = 2.0
 """Most of the setpoint as a multiple of the reference value, with a telegram (CFG-246)."""
@@ -61,7 +58,7 @@ class Problem(NamedTuple):
     """A variable whose value does not fit the others."""
 
     path: str
-    value: Any
+    value: object
     allowed: str
     """What is allowed, and because of which other variable."""
 
@@ -95,7 +92,7 @@ _SHOWN: Final = re.compile(r"(?!StatusSensor.*\.(Adjusted|AbsEncoderOffset)$)(St
 """Variables that show what an object does; those that are retentive of an encoder can be given."""
 
 
-def given_values(variables: dict[str, Any]) -> dict[str, Any]:
+def given_values(variables: Mapping[str, object]) -> dict[str, object]:
     """Return start values with the units of a rotary object, degrees, where nothing else is given (CFG-069).
 
     Raises:
@@ -106,7 +103,7 @@ def given_values(variables: dict[str, Any]) -> dict[str, Any]:
         if _SHOWN.match(path):
             raise ConfigurationError(path, value, "no value: it shows what the object does")
     if variables.get("Properties.MotionType") != _ROTARY:
-        return variables
+        return dict(variables)
     return {"Units.LengthUnit": 1005, "Units.VelocityUnit": 1521, **variables}
 
 
@@ -138,7 +135,7 @@ def check_telegrams(object_type: str, drive: int | None, encoders: tuple[int, ..
             "drive telegram",
             drive,
             f"{_numbers(DRIVE_WITH_ENCODER)}, or an encoder with telegram {_numbers(ENCODER_TELEGRAMS)} "
-            f"beside it (CFG-201)",
+            f"next to it (CFG-201)",
         )
     return None
 
@@ -167,15 +164,15 @@ def check_configuration(
         store: Variables of the technology object.
         abilities: What the connection can do.
         cpu: One of `motion.s7.compatibility.LEVELS`.
-        start: Look at the start values, which a restart would put into force, and not at the values in force.
+        start: Look at the start values, which take effect with a restart, and not at the present values.
 
     """
     return list(_Check(store, abilities, cpu, start=start).problems())
 
 
 def doubts(store: VariableStore) -> list[Problem]:
-    """Return what is permitted, but hardly meant: a flat emergency ramp (STP-126), communication times in ms
-    (CFG-269).
+    """Return what is permitted, but hardly meant: a flat emergency ramp (STP-126),
+    communication times in ms (CFG-269).
     """
     found = []
     emergency = store.read("DynamicDefaults.EmergencyDeceleration")
@@ -252,7 +249,7 @@ class _Check:
 
     def _units(self) -> Iterator[Problem]:
         read = self.read
-        length, velocity = read("Units.LengthUnit"), read("Units.VelocityUnit")
+        length, velocity = int(self.read("Units.LengthUnit")), int(self.read("Units.VelocityUnit"))
         rotary = read("Properties.MotionType") == _ROTARY
         if (length in ANGLES) is not rotary:
             word, units = ("rotary", ANGLES) if rotary else ("linear", LENGTHS)
@@ -294,8 +291,8 @@ class _Check:
                 0,
                 f"1 or more: {prefix}.Type = 2 counts measuring ranges (CFG-292, CFG-299)",
             )
-        steps = read(f"{prefix}.Parameter.StepsPerRevolution")
-        fine = read(f"{prefix}.Parameter.FineResolutionXist1")
+        steps = int(self.read(f"{prefix}.Parameter.StepsPerRevolution"))
+        fine = int(self.read(f"{prefix}.Parameter.FineResolutionXist1"))
         if read(f"{prefix}.System") != _LINEAR_SYSTEM and steps << fine > _LARGEST_COUNT:
             yield Problem(
                 f"{prefix}.Parameter.FineResolutionXist1",

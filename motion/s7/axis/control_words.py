@@ -34,20 +34,6 @@ class ControlWords:
 
     """
 
-    __slots__ = (
-        "_bits",
-        "_history",
-        "_job",
-        "_name",
-        "_own_stw2",
-        "_owned_stw2",
-        "_servo",
-        "_states",
-        "owned_stw1",
-        "user_stw1",
-        "waiting",
-    )
-
     def __init__(self, name: str, history: History | None, servo: ServoAxis, states: AxisStates) -> None:
         self._name = name
         self._history = history

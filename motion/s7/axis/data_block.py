@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from motion.s7.variables import VariableStore
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Shown:
     """The parts of an axis whose values its data block shows.
 

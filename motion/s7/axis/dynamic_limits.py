@@ -21,26 +21,13 @@ ALARM_ZERO_JERK: Final = 306
 
 
 class DynamicLimits:
-    """See the module.
+    """Limits the dynamic values of jobs and raises the warnings for it.
 
     Args:
         store: Variables of the axis.
         alarms: Its alarms.
 
     """
-
-    __slots__ = (
-        "_alarms",
-        "_limit_velocity",
-        "emergency",
-        "leading",
-        "max_acceleration",
-        "max_deceleration",
-        "max_jerk",
-        "max_velocity",
-        "override",
-        "velocity_limited",
-    )
 
     def __init__(self, store: VariableStore, alarms: AxisAlarms) -> None:
         bind = store.bind
@@ -53,17 +40,17 @@ class DynamicLimits:
         self.emergency = bind("DynamicDefaults.EmergencyDeceleration")
         self.override = bind("Override.Velocity")
         self.leading = inf
-        """Velocity at which followers can still tell the leading value, axis unit per second; infinite
+        """Velocity at which followers can still follow the leading value, axis unit per second; infinite
         without modulo range.
         """
         self.velocity_limited = False
-        """The velocity of the job in control is limited: the warning is repeated when it has been
-        acknowledged.
+        """The velocity of the job in control is limited: the warning is repeated
+        when it has been acknowledged.
         """
 
     def of(self, job: Job) -> tuple[float, float, float]:
-        """Return acceleration, deceleration and jerk of `job` after the dynamic limits, with their
-        warnings.
+        """Return acceleration, deceleration and jerk of `job` after the
+        dynamic limits, with their warnings.
         """
         acceleration, limited = resolve(job.acceleration, 0.0, self.max_acceleration.value)
         deceleration, also_limited = resolve(job.deceleration, 0.0, self.max_deceleration.value)
@@ -94,8 +81,8 @@ class DynamicLimits:
         return limit
 
     def are_zero(self) -> bool:
-        """Raise alarm 304, 305 or 306 when a dynamic limit is zero, so that no motion can be planned
-        (STP-607).
+        """Raise alarm 304, 305 or 306 when a dynamic limit is zero, so that no
+        motion can be planned (STP-607).
         """
         info = 1
         if self.max_velocity.value <= 0.0:

@@ -1,5 +1,5 @@
-"""Enabling and disabling: the handshake with the drive and the drive's own stops (STP-037 to STP-046, section
-8).
+"""Enabling and disabling: the handshake with the drive and the drive's own stops
+(STP-037 to STP-046, section 8).
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ _AUTONOMOUS_MASK: Final = ZSW1.READY_TO_SWITCH_ON | ZSW1.READY | ZSW1.OPERATION_
 _OPERATES_MASK: Final = ZSW1.OPERATION_ENABLED | ZSW1.NO_OFF3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class EnableSettings:
     """What is configured of enabling and disabling an axis.
 
@@ -95,29 +95,6 @@ class EnableControl:
 
     """
 
-    __slots__ = (
-        "_adapted",
-        "_alarms",
-        "_cause_411",
-        "_cause_421",
-        "_cause_431",
-        "_command",
-        "_history",
-        "_joined",
-        "_max_deceleration",
-        "_motion",
-        "_name",
-        "_phase",
-        "_reaction",
-        "_servo",
-        "_start_mode",
-        "_states",
-        "_velocity_mode",
-        "_waits_for",
-        "start_mode",
-        "timeout_s",
-    )
-
     def __init__(
         self,
         name: str,
@@ -143,8 +120,8 @@ class EnableControl:
         """`MC_Power.StartMode` as last called; latched when the enable sequence starts."""
         self._start_mode = 1
         self._joined = False
-        """Drive and encoder have been there since the start of the controller, or it has been told that they
-        were not.
+        """Drive and encoder have been there since the start of the controller, or their
+        absence has been reported.
         """
         self._phase = 0
         self.timeout_s: float | None = None
@@ -259,8 +236,8 @@ class EnableControl:
         self._states.enter(AxisState.ALARM_DRIVE_STOP)
 
     def withdraw_further(self) -> None:
-        """Reaction 4 during a quick stop: take away what its pattern takes away too, and give nothing back
-        (STP-526).
+        """Reaction 4 during a quick stop: take away what its pattern takes away too,
+        and give nothing back (STP-526).
         """
         if self._phase == 0:
             self._command.stw1 &= _REMOVE_ENABLE.get(int(self._reaction.value), STW1_OFF3)
@@ -281,8 +258,8 @@ class EnableControl:
     # ------------------------------------------------------------------------------------------------
 
     def supervise(self) -> None:
-        """Raise the alarms of the coupling: 431 link, 421 drive, 411 encoder, 550 drive moves by itself
-        (TA-020).
+        """Raise the alarms of the coupling: 431 link, 421 drive, 411 encoder, 550
+        drive moves by itself (TA-020).
         """
         servo = self._servo
         port = servo.port
@@ -349,8 +326,8 @@ class EnableControl:
                 self._alarms.raise_alarm(ALARM_ENCODER_NOT_READY, info=NOT_INITIALISED)
 
     def _obstacle(self) -> str:
-        """Return what the enable sequence waits for, empty if nothing (STP-018, STP-022, STP-023,
-        STP-045).
+        """Return what the enable sequence waits for, empty if nothing
+        (STP-018, STP-022, STP-023, STP-045).
         """
         servo = self._servo
         if not servo.communication_ok:
@@ -471,8 +448,8 @@ class EnableControl:
 
     @property
     def _at_once(self) -> bool:
-        """Whether the velocity setpoint of a moving axis is 0 as soon as it is enabled
-        (`VelocityModePowerOn`).
+        """Whether the velocity setpoint of a moving axis is 0 as soon as it
+        is enabled (`VelocityModePowerOn`).
         """
         return self._velocity_mode is not None and self._velocity_mode.value == 1
 

@@ -1,11 +1,11 @@
-"""External encoder: a technology object that acquires a position and moves nothing (CFG-016 to CFG-018,
-VAR-025).
+"""External encoder: a technology object that acquires a position and moves nothing
+(CFG-016 to CFG-018, VAR-025).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from typing_extensions import override
 
@@ -68,15 +68,13 @@ class EncoderEnabling:
 
     """
 
-    __slots__ = ("_engine", "_history", "_joined", "_name", "enable", "enabled", "start_mode")
-
     def __init__(self, name: str, history: History | None, engine: AlarmEngine) -> None:
         self._name = name
         self._history = history
         self._engine = engine
         self._joined = False
-        """The encoder has been there since the start of the controller, or it has been told that it was
-        not.
+        """The encoder has been there since the start of the controller, or its
+        absence has been reported.
         """
         self.enable = False
         """Level of `MC_Power.Enable` as last called."""
@@ -139,8 +137,8 @@ class ExternalEncoder(TechnologyObject):
         history: Event log, or None.
 
     Raises:
-        ConfigurationError: A variable does not exist, its value is out of range, or values do not fit
-            together.
+        ConfigurationError: A variable does not exist, its value is out of range,
+            or values do not fit together.
 
     """
 
@@ -154,7 +152,7 @@ class ExternalEncoder(TechnologyObject):
         port: EncoderPort | DrivePort,
         *,
         cycle_ns: int,
-        variables: Mapping[str, Any] | None = None,
+        variables: Mapping[str, object] | None = None,
         history: History | None = None,
     ) -> None:
         start_values = given_values(dict(variables or {}))
@@ -181,7 +179,7 @@ class ExternalEncoder(TechnologyObject):
             raise problems[0].error(problems[1:])
         self._threshold = store.bind("StandstillSignal.VelocityThreshold")
         self._dwell = store.bind("StandstillSignal.MinDwellTime")
-        self._farthest = farthest_position(store.read("Units.LengthUnit"))
+        self._farthest = farthest_position(store.read_int("Units.LengthUnit"))
         self.apply_configuration()
         self._live = self._readers = in_its_units(self._live_variables(), store)
         unit = store.unit("ActualPosition")
@@ -405,11 +403,11 @@ class ExternalEncoder(TechnologyObject):
         return "Sensor"
 
     def homing_switch(self, path: str) -> bool:
-        """Return whether the digital input has the level of `path.SwitchLevel` (HOM-062); FALSE where none is
-        wired.
+        """Return whether the digital input has the level of `path.SwitchLevel`
+        (HOM-062); FALSE where none is wired.
         """
         wired = self.digital_input
-        level: bool = self.variables.read(f"{path}.SwitchLevel")
+        level = self.variables.read_bool(f"{path}.SwitchLevel")
         return wired is not None and wired() is level
 
     def shift_setpoints(self, offset: float) -> None:
@@ -417,13 +415,13 @@ class ExternalEncoder(TechnologyObject):
         self.leading_value.shift(offset)
 
     def ends_passive_homing(self) -> int | None:
-        """Return why passive homing cannot go on: an ErrorID, 0 = it is aborted, None = it can."""
+        """Return why passive homing cannot continue: an ErrorID, 0 = it is aborted, None = it can."""
         if self.engine.error_word:
             return ERROR_ALARM
         return None if self._enabling.enabled else 0
 
     def alarm(self, number: int) -> None:
-        """Raise a technology alarm; of those of homing, which this object does not have, alarm 411 tells."""
+        """Raise a technology alarm; those of homing, which this object does not have, become alarm 411."""
         if number in _ALARMS_OF_HOMING:
             self.engine.raise_alarm(ALARM_ENCODER, info=ENCODER_SIGNALS_ALARM, text=_NO_MARK)
         else:

@@ -42,12 +42,10 @@ class HardwareSwitch:
         direction: +1 for the positive one.
         mask: Its bit among the inputs of the port.
         level: `MinSwitchLevel` or `MaxSwitchLevel`.
-        address: Cells of `RID`, `Area`, `DbNumber`, `Offset` of the variable that is read in place of the
-            input.
+        address: Cells of `RID`, `Area`, `DbNumber`, `Offset` of the variable that
+            is read in place of the input.
 
     """
-
-    __slots__ = ("_address", "_read", "active", "direction", "is_variable", "level", "mask", "met", "trip")
 
     def __init__(self, direction: int, mask: int, level: Cell[bool], address: tuple[Cell[int], ...]) -> None:
         self.direction = direction
@@ -90,8 +88,8 @@ class HardwareSwitch:
 class HardwareLimits:
     """The hardware limit switches of one axis.
 
-    They are inputs of the drive (60FDh) or of an I/O station, as the bench wires them, or bits in a data
-    block.
+    They are inputs of the drive (60FDh) or of an I/O station, as the bench wires
+    them, or bits in a data block.
 
     Args:
         store: Variables of the axis.
@@ -102,28 +100,6 @@ class HardwareLimits:
         data_blocks: Returns the global data blocks of the controller.
 
     """
-
-    __slots__ = (
-        "_alarms",
-        "_all_variables",
-        "_barred",
-        "_behaviour",
-        "_data_blocks",
-        "_given_before",
-        "_hw_active",
-        "_image",
-        "_leaving",
-        "_mode",
-        "_motion",
-        "_servo",
-        "_states",
-        "_switches",
-        "_variables",
-        "in_servo",
-        "negative",
-        "positive",
-        "reversing",
-    )
 
     def __init__(
         self,
@@ -154,8 +130,8 @@ class HardwareLimits:
         self.positive = switch(+1, "Max", INPUT_POSITIVE_LIMIT)
         self._switches = (self.negative, self.positive)
         self.in_servo = True
-        """The switches are read in the servo cycle (`PIP OB Servo`); else with the call of the program
-        (LIM-025).
+        """The switches are read in the servo cycle (`PIP OB Servo`); else with the
+        call of the program (LIM-025).
         """
         self.begin()
 
@@ -194,9 +170,7 @@ class HardwareLimits:
                 )
 
     def address_problem(self) -> str:
-        """Return why a switch cannot be read at the address of its variable; empty if all can
-        (LIM-072).
-        """
+        """Return why a switch cannot be read at the address of its variable; empty if all can (LIM-072)."""
         blocks = self._data_blocks()
         for switch in self._switches:
             problem = blocks.problem(switch.address) if switch.is_variable else ""
@@ -252,8 +226,8 @@ class HardwareLimits:
             self._evaluate(met, True, inputs, velocity)
 
     def _commanded_velocity(self) -> float:
-        """Return where the setpoints go: what a user program gives as positions alone has no velocity that
-        could tell.
+        """Return where the setpoints go: positions of a user program come without a velocity,
+        so the difference of positions decides.
         """
         total = self._servo.total
         velocity = total.v
@@ -302,8 +276,8 @@ class HardwareLimits:
             self._leaving = leaving
 
     def end_reversal(self) -> None:
-        """Watch the switches again from the next cycle on; one that is still active then raises its alarm
-        (HOM-115).
+        """Watch the switches again from the next cycle on; one that is still active
+        then raises its alarm (HOM-115).
         """
         if self.reversing or self._leaving is not None:
             self.reversing = False

@@ -138,8 +138,8 @@ class Job:
         self.error_id = NO_ERROR
         self.in_velocity = False
         self.velocity = 0.0
-        """Requested velocity after resolution of defaults, signed for velocity jobs, before override and
-        limits.
+        """Requested velocity after resolution of defaults, signed for velocity
+        jobs, before override and limits.
         """
         self.acceleration = 0.0
         self.deceleration = 0.0

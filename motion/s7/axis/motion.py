@@ -76,32 +76,6 @@ class MotionControl:
 
     """
 
-    __slots__ = (
-        "_alarms",
-        "_command",
-        "_default_deceleration",
-        "_default_jerk",
-        "_history",
-        "_homings",
-        "_limits",
-        "_monitoring",
-        "_name",
-        "_planned_limits",
-        "_planned_velocity",
-        "_ramp",
-        "_servo",
-        "_settling",
-        "_states",
-        "_superimposed_before",
-        "_torque",
-        "gen",
-        "job",
-        "limits_assigned",
-        "queue",
-        "severity",
-        "superimposed_job",
-    )
-
     def __init__(
         self,
         name: str,
@@ -137,8 +111,8 @@ class MotionControl:
         self.superimposed_job: Job | None = None
         """Job of the superimposed motion; it ends without one where its dynamic limits are zero."""
         self.severity = 0
-        """Severity of the stop ramp in progress: 0 none, 1 current, 2 maximum, 3 emergency (STP-432 to
-        STP-435).
+        """Severity of the stop ramp in progress: 0 none, 1 current, 2 maximum, 3
+        emergency (STP-432 to STP-435).
         """
         self.limits_assigned = False
         """A program has assigned variables since the last cycle; dynamic limits may be among them."""
@@ -166,8 +140,8 @@ class MotionControl:
     # -- profiles -------------------------------------------------------------------------------------------
 
     def _plan_limits(self, job: Job, towards: float = 0.0) -> tuple[float, float, float]:
-        """Return what `DynamicLimits.of` does, and remember that the motion is planned with it; `towards`:
-        `_bound_acceleration`.
+        """Return what `DynamicLimits.of` does, and remember that the motion is planned with
+        it; `towards`: `_bound_acceleration`.
         """
         self._planned_limits = limits = self._limits.of(job)
         self._bound_acceleration(limits[2], towards)
@@ -187,12 +161,12 @@ class MotionControl:
             return
         v = gen.v
         if v * a >= 0.0:
-            room = max(0.0, self._limits.max_velocity.value - abs(v))
+            margin = max(0.0, self._limits.max_velocity.value - abs(v))
         elif 0.0 < gen.jerk <= jerk:
             return
         else:
-            room = abs(v) + (self._limits.max_velocity.value if towards * a > 0.0 else 0.0)
-        bound = sqrt(2.0 * jerk * room)
+            margin = abs(v) + (self._limits.max_velocity.value if towards * a > 0.0 else 0.0)
+        bound = sqrt(2.0 * jerk * margin)
         if abs(a) > bound:
             gen.a = copysign(bound, a)
 
@@ -203,7 +177,7 @@ class MotionControl:
         if velocity > 0.0:
             self.gen.start_position(job.target, velocity, acceleration, deceleration, jerk)
         else:
-            # Override 0 %: the axis waits on its way and goes on when the override does.
+            # Override 0 %: the axis waits on its way and continues when the override does.
             self.gen.start_velocity(0.0, acceleration, deceleration, jerk)
 
     def _plan_velocity(self, job: Job) -> None:
@@ -289,8 +263,8 @@ class MotionControl:
         self._brake(abort_acceleration=abort_acceleration)
 
     def _ramp_limits(self) -> tuple[float, float, float]:
-        """Return acceleration (none), deceleration and jerk of the braking ramp in progress, by the present
-        limits.
+        """Return acceleration (none), deceleration and jerk of the braking ramp in
+        progress, by the present limits.
         """
         limits = self._limits
         if self.severity == 3:
@@ -309,8 +283,8 @@ class MotionControl:
         self.gen.start_stop(deceleration, jerk, abort_acceleration=abort_acceleration)
 
     def begin_reaction(self, severity: int, *, abort_acceleration: bool = False) -> None:
-        """Start the ramp of severity 1 (current), 2 (maximum) or 3 (emergency) dynamics (STP-386 to
-        STP-388).
+        """Start the ramp of severity 1 (current), 2 (maximum) or 3 (emergency)
+        dynamics (STP-386 to STP-388).
         """
         if severity == 3:
             self._switch_to_actual_values()
@@ -327,8 +301,8 @@ class MotionControl:
                 self.begin_stop(1, self._default_deceleration.value, self._default_jerk.value)
 
     def take_actual_values(self) -> None:
-        """Let the setpoint start from the actual values, moved on by the transport delay (STP-123,
-        STP-054).
+        """Let the setpoint start from the actual values, moved on by the
+        transport delay (STP-123, STP-054).
         """
         self._sum_up()
         self._servo.take_actual_position(self._servo.actual_velocity)
@@ -419,8 +393,8 @@ class MotionControl:
         servo.controller.shift(offset)
 
     def shift_target(self, offset: float) -> None:
-        """Let the target of a relative positioning follow a shift of the coordinate system, and plan
-        again.
+        """Let the target of a relative positioning follow a shift of the
+        coordinate system, and plan again.
         """
         job = self.job
         if job is not None and job.busy and job.relative:
@@ -436,8 +410,8 @@ class MotionControl:
 
     @property
     def superimposed_distance(self) -> float:
-        """What superimposed motions have covered since the axis was last without motion, axis unit
-        (MC-353).
+        """What superimposed motions have covered since the axis was last
+        without motion, axis unit (MC-353).
         """
         moving = self._servo.superimposed
         return self._superimposed_before + (moving.part.s if moving is not None else 0.0)
@@ -516,8 +490,8 @@ class MotionControl:
         return ERROR_INTO_STOP if way * torque.direction > 0.0 else NO_ERROR
 
     def submit_superimposed(self, job: Job) -> int:
-        """Let `job` move the axis by its distance, or halt that, on top of what it does; or return an ErrorID
-        (OVR-016).
+        """Let `job` move the axis by its distance, or halt that, on top of what it does;
+        or return an ErrorID (OVR-016).
         """
         servo = self._servo
         state = self._states.state
@@ -549,15 +523,14 @@ class MotionControl:
             )
         elif self.superimposed_job is not None:
             self.superimposed_job.abort()
+        self.superimposed_job = job
         job.activate()
         if given:
-            self.superimposed_job = job
             moving.give(job)
         elif self._limits.are_zero():
-            return NO_ERROR
+            return NO_ERROR  # the alarm fails it
         else:
             acceleration, deceleration, jerk = self._limits.of(job)
-            self.superimposed_job = job
             if halt:
                 moving.halt(job, deceleration, jerk)
             else:
@@ -568,8 +541,8 @@ class MotionControl:
         return NO_ERROR
 
     def submit_stop(self, job: Job) -> int:
-        """Take an `MC_Stop` job over, end it with `CommandAborted`, or return the ErrorID of its
-        rejection.
+        """Take an `MC_Stop` job over, end it with `CommandAborted`, or
+        return the ErrorID of its rejection.
         """
         state = self._states.state
         severity = _STOP_SEVERITY[job.mode]
@@ -690,8 +663,8 @@ class MotionControl:
             self._states.enter(AxisState.HALTING)
 
     def control_position_of(self, job: Job) -> None:
-        """Switch position control as `job` wants it; what is superimposed ends where there is none (MC-098 to
-        MC-103).
+        """Switch position control as `job` wants it; what is superimposed ends where
+        there is none (MC-098 to MC-103).
         """
         servo = self._servo
         controlled = job.position_controlled
@@ -833,15 +806,15 @@ class MotionControl:
         self._next()
 
     def _arrived_behind_filter(self) -> bool:
-        """Return whether the velocity that the drive is given has come to zero too, so that nothing is cut
-        off.
+        """Return whether the velocity that the drive is given has come to zero
+        too, so that nothing is cut off.
         """
         dynamic_filter = self._servo.controller.filter
         return dynamic_filter is None or abs(dynamic_filter.velocity) <= self._servo.rest_velocity
 
     def _settled(self) -> bool:
-        """Return whether the end of the motion counts as reached (positioning monitoring, MON-016 to
-        MON-022).
+        """Return whether the end of the motion counts as reached (positioning
+        monitoring, MON-016 to MON-022).
         """
         monitor = self._monitoring
         if monitor is None or not self._servo.position_controlled or self._servo.superimposed is not None:
@@ -894,8 +867,8 @@ class MotionControl:
             self._states.enter(AxisState.STANDSTILL)
 
     def end_motion_in(self, job: Job, error_id: int = NO_ERROR) -> None:
-        """End a job whose setpoints came from outside: they are zero at once, the position stays (MIN-026,
-        MIN-040).
+        """End a job whose setpoints came from outside: they are zero at once, the
+        position stays (MIN-026, MIN-040).
         """
         moving = self._servo.superimposed
         if moving is not None and self.superimposed_job is job:
@@ -913,8 +886,8 @@ class MotionControl:
         self._next()
 
     def _end_superimposed(self, moving: Superposition, error_id: int = NO_ERROR) -> None:
-        """Move setpoint and target of the basic motion by what has been superimposed, which has ended by
-        itself.
+        """Move setpoint and target of the basic motion by what has been
+        superimposed, which has ended by itself.
         """
         servo = self._servo
         distance = moving.part.s
@@ -923,7 +896,9 @@ class MotionControl:
         self.shift(distance)
         self._superimposed_before += distance
         if self.job is not None and self.job.job_class is _MOTION_IN:
-            self.job.distance += distance  # positions from outside go on to be counted from where they were
+            self.job.distance += (
+                distance  # positions from outside continue to be counted from where they were
+            )
         job, self.superimposed_job = self.superimposed_job, None
         if job is not None and error_id:
             job.fail(error_id)

@@ -1,16 +1,316 @@
-"""What an axis asks of the override table of homing and motion jobs (table 3.1,
-`motion.s7.axis.override_tables`).
+"""What a new job does to a running one, and what becomes of itself: the overriding
+tables as data (OVR-001 to OVR-121).
 
-Rows are new jobs, columns jobs that are active. `A`: the active job is aborted; `B`: `MC_Stop` over `MC_Stop`
-by severity; `-`: no effect on the active job.
+A job is named by its instruction and what distinguishes it: `MC_Halt Mode 1`, `MC_MoveAbsolute waiting`. Rows
+are new jobs, columns running ones. Cells speak of the running job, fates of the new one.
+`aborts` is what an axis asks.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import Final
 
 from motion.s7.axis.jobs import JobClass
-from motion.s7.axis.override_tables import MOTION
+
+CELLS: Final = {
+    "A": "aborted with CommandAborted",
+    "B": "see the note of the table",
+    "C": "see the note of the table",
+    "N": "goes on; the new job is refused",
+    "-": "goes on",
+}
+"""Letters of the running job (OVR-001 to OVR-007)."""
+
+FATES: Final = {
+    "T": "takes over",
+    "P": "runs in parallel",
+    "W": "waits",
+    "R": "refused",
+    "D": "Done at once",
+    "?": "not said by the source",
+}
+"""Letters of the new job (OVR-084 to OVR-102)."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """New jobs that are treated alike.
+
+    Args:
+        identifier: Requirement of the row.
+        jobs: Names of the new jobs.
+        cells: One letter of `CELLS` per column, with `/` or `,` between alternatives.
+        fates: One letter of `FATES` per column; empty = as the cells alone say.
+
+    """
+
+    identifier: str
+    jobs: tuple[str, ...]
+    cells: tuple[str, ...]
+    fates: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One running job under one new job."""
+
+    table: str
+    identifier: str
+    column: str
+    new: str
+    active: str
+    letter: str
+    fate: str
+
+
+@dataclass(frozen=True)
+class OverrideTable:
+    """A table of the specification: running jobs by column, new jobs by row."""
+
+    section: str
+    title: str
+    columns: dict[str, tuple[str, ...]]
+    rows: tuple[Row, ...]
+    notes: dict[str, str] = field(default_factory=dict)
+    """Meaning of letters that differ from `CELLS`."""
+
+    def cells(self) -> Iterator[Cell]:
+        """Return every running job under every new job (OVR-117)."""
+        for row in self.rows:
+            fates = row.fates or tuple({"A": "T", "N": "R"}.get(letter, "?") for letter in row.cells)
+            for (column, running), letter, fate in zip(self.columns.items(), row.cells, fates, strict=True):
+                for new in row.jobs:
+                    for active in running:
+                        yield Cell(self.section, row.identifier, column, new, active, letter, fate)
+
+    def row(self, identifier: str) -> str:
+        """Return the letters of a row, one character per column."""
+        return "".join(next(row.cells for row in self.rows if row.identifier == identifier))
+
+
+def _row(identifier: str, jobs: tuple[str, ...], cells: str, fates: str = "") -> Row:
+    return Row(identifier, jobs, tuple(cells.split()), tuple(fates.split()))
+
+
+_POSITIONING: Final = ("MC_MoveAbsolute", "MC_MoveRelative")
+_APPENDED: Final = tuple(f"{name} BufferMode 1" for name in _POSITIONING)
+_ACTIVE_HOMING: Final = ("MC_Home Mode 3", "MC_Home Mode 5")
+_MOTION_IN: Final = ("MC_MotionInVelocity", "MC_MotionInPosition")
+_SUPERIMPOSED: Final = ("MC_MoveSuperimposed", "MC_MotionInSuperimposed", "MC_HaltSuperimposed")
+_SINGLE: Final = (*_POSITIONING, "MC_MoveVelocity", "MC_MoveJog")
+_SYNC_WAITING: Final = ("MC_GearInPos waiting", "MC_CamIn waiting")
+_SYNC_ACTIVE: Final = ("MC_GearInPos active", "MC_CamIn active")
+_OUT_WAITING: Final = ("MC_GearOut waiting", "MC_CamOut waiting")
+_OUT_ACTIVE: Final = ("MC_GearOut active", "MC_CamOut active")
+
+MOTION: Final = OverrideTable(
+    "3.1",
+    "Homing and motion jobs",
+    {
+        "H1": ("MC_Home Mode 2", "MC_Home Mode 8", "MC_Home Mode 10"),
+        "H2": _ACTIVE_HOMING,
+        "H3": ("MC_Halt Mode 1", *_SINGLE, *_APPENDED),
+        "H4": tuple(f"{name} waiting" for name in _POSITIONING),
+        "H5": ("MC_Halt Mode 0",),
+        "H6": ("MC_Stop",),
+        "H7": _SUPERIMPOSED,
+        "H8": _MOTION_IN,
+    },
+    (
+        _row("OVR-011", _ACTIVE_HOMING, "A A A A A - A A", "T T T T T R T T"),
+        _row("OVR-012", ("MC_Home Mode 9",), "A - - - - - - -", "D D D D D D D D"),
+        _row("OVR-013", ("MC_Halt Mode 1",), "- A A A - - - A", "P T T T W R P T"),
+        _row("OVR-014", ("MC_Halt Mode 0", *_SINGLE, *_MOTION_IN), "- A A A A - A A", "P T T T T R T T"),
+        _row("OVR-015", _APPENDED, "- - - - - - - -", "P W W W W R P W"),
+        _row("OVR-016", _SUPERIMPOSED, "- - - - - - A -", "P R P P P R T P"),
+        _row("OVR-017", ("MC_Stop",), "A A A A A B A A", "T T T T T T T T"),
+        _row("OVR-018", ("MC_GearIn", "MC_GearInVelocity"), "- A A A A - A A", "P T T T T R T T"),
+        _row("OVR-019", _SYNC_WAITING, "- - - A - - - -", "P W W W W R W W"),
+        _row("OVR-020", _SYNC_ACTIVE, "- A A A A - A A", "P T T T T R T T"),
+        _row("OVR-021", ("MC_LeadingValueAdditive",), "- - - - - - - -", "P P P P P P P P"),
+        _row("OVR-022", _OUT_WAITING, "- - - - - - - -", "? ? ? ? ? R ? ?"),
+        _row("OVR-023", _OUT_ACTIVE, "- - - - - - A -", "? ? ? ? ? R T ?"),
+    ),
+    {
+        "B": "an MC_Stop of equal or higher stop response aborts the running one, a lower one ends itself "
+        "with CommandAborted",
+    },
+)
+
+SYNCHRONOUS: Final = OverrideTable(
+    "3.2",
+    "Synchronous operation jobs",
+    {
+        "S1": ("MC_GearIn",),
+        "S2": ("MC_GearInVelocity",),
+        "S3": _SYNC_WAITING,
+        "S4": _SYNC_ACTIVE,
+        "S5": ("MC_PhasingAbsolute", "MC_PhasingRelative"),
+        "S6": ("MC_OffsetAbsolute", "MC_OffsetRelative"),
+        "S7": ("MC_LeadingValueAdditive",),
+        "S8": _OUT_WAITING,
+        "S9": _OUT_ACTIVE,
+    },
+    (
+        _row("OVR-025", _ACTIVE_HOMING, "A A - - - - - - -", "T T P R ? ? ? ? R"),
+        _row(
+            "OVR-026",
+            ("MC_Halt Mode 0", "MC_Halt Mode 1", *_SINGLE),
+            "A A - A A A - A A",
+            "T T P T T T P T T",
+        ),
+        _row("OVR-027", _APPENDED, "- - - - - - - - -", "? ? ? ? ? ? ? ? ?"),
+        _row("OVR-028", _MOTION_IN, "A A - A A A - A A", "T T P T T T P T T"),
+        _row("OVR-029", _SUPERIMPOSED, "- -/N - - - - - - -", "? ? ? ? ? ? ? ? ?"),
+        _row("OVR-030", ("MC_Stop",), "A A A A A A - A A", "T T T T T T P T T"),
+        _row("OVR-031", ("MC_GearIn", "MC_GearInVelocity"), "A A A A A A - A A", "T T T T T T P T T"),
+        _row("OVR-032", _SYNC_WAITING, "- - A - - - - A -", "W W W W W W W W W"),
+        _row("OVR-033", _SYNC_ACTIVE, "A A/N A A A A - A A", "T T T T T T P T T"),
+        _row("OVR-034", ("MC_PhasingAbsolute", "MC_PhasingRelative"), "- N - - A N - - -"),
+        _row("OVR-035", ("MC_OffsetAbsolute", "MC_OffsetRelative"), "- N - - N A - - -"),
+        _row("OVR-036", ("MC_LeadingValueAdditive",), "- - - - - - A - -", "P P P P P P T P P"),
+        _row("OVR-037", _OUT_WAITING, "- N A - - - - A -", "W R W W ? ? ? W ?"),
+        _row("OVR-038", _OUT_ACTIVE, "A N A A A A - A -", "T R T T T T P T ?"),
+    ),
+    {
+        "-/N": "in position control the running job goes on, without it the new job is refused",
+        "A/N": "in position control the running job is aborted, without it the new job is refused (OVR-039)",
+    },
+)
+
+_MEASURING: Final = ("MC_MeasuringInput", "MC_MeasuringInputCyclic")
+MEASURING: Final = OverrideTable(
+    "3.3",
+    "Measuring-input jobs",
+    {"M1": _MEASURING[:1], "M2": _MEASURING[1:]},
+    (
+        _row("OVR-041", tuple(f"MC_Home Mode {mode}" for mode in (2, 3, 5, 8, 9, 10)), "B B", "T T"),
+        _row("OVR-042", tuple(f"MC_Home Mode {mode}" for mode in (0, 1, 6, 7, 11, 12, 13)), "- -", "D D"),
+        _row("OVR-043", (*_MEASURING, "MC_AbortMeasuringInput"), "A A"),
+    ),
+    {"B": "ended with Error, 16#80A3"},
+)
+
+_PATHS: Final = tuple(
+    f"MC_Move{kind}{way}" for kind in ("Linear", "Circular", "Direct") for way in ("Absolute", "Relative")
+)
+_ZONES: Final = (
+    "MC_DefineWorkspaceZone",
+    "MC_DefineKinematicsZone",
+    "MC_SetWorkspaceZoneActive",
+    "MC_SetWorkspaceZoneInactive",
+    "MC_SetKinematicsZoneActive",
+    "MC_SetKinematicsZoneInactive",
+)
+KINEMATICS: Final = OverrideTable(
+    "3.4",
+    "Single-axis jobs and kinematics jobs",
+    {
+        "K1": (*_PATHS, "MC_TrackConveyorBelt", *_ZONES, "MC_SetOcsFrame"),
+        "K2": ("MC_GroupInterrupt",),
+        "K3": ("MC_GroupStop",),
+    },
+    (
+        _row("OVR-045", ("MC_Home", "MC_MoveSuperimposed", "MC_GearOut", "MC_CamOut"), "N N N"),
+        _row(
+            "OVR-046",
+            (
+                "MC_Halt",
+                *_SINGLE,
+                "MC_Stop",
+                "MC_GearIn",
+                "MC_GearInPos",
+                "MC_GearInVelocity",
+                "MC_CamIn",
+                *_MOTION_IN,
+            ),
+            "A A A",
+        ),
+        _row("OVR-047", ("MC_GroupStop",), "A A N"),
+        _row("OVR-048", ("MC_GroupInterrupt", "MC_GroupContinue"), "B A N", "T T R"),
+        _row("OVR-049", (*_PATHS, "MC_TrackConveyorBelt", *_ZONES), "- - N", "W W R"),
+        _row("OVR-050", ("MC_SetOcsFrame",), "C,- - N", "W W R"),
+        _row("OVR-053", (*_APPENDED, "MC_HaltSuperimposed", "MC_MotionInSuperimposed"), "N N N"),
+    ),
+    {
+        "B": "interrupted, or continued",
+        "C,-": "the synchronisation of the OCS with a conveyor is aborted, anything else goes on",
+    },
+)
+
+INTERPRETER: Final = OverrideTable(
+    "3.5",
+    "Interpreter jobs",
+    {"I1": ("MC_LoadProgram",), "I2": ("MC_RunProgram",), "I3": ("MC_StopProgram",)},
+    (
+        _row("OVR-054", ("MC_LoadProgram",), "- - -"),
+        _row("OVR-055", ("MC_RunProgram",), "- - -", "P ? ?"),
+        _row("OVR-056", ("MC_StopProgram",), "A A A"),
+        _row("OVR-057", ("MC_Reset",), "- - -"),
+    ),
+)
+
+TABLES: Final = (MOTION, SYNCHRONOUS, MEASURING, KINEMATICS, INTERPRETER)
+
+
+@dataclass(frozen=True)
+class InterpreterRow:
+    """What jobs of the user program do while the interpreter controls their object (table 3.5, second part).
+
+    Args:
+        identifier: Requirement of the row.
+        jobs: Names of the jobs.
+        executed: Whether the job is executed.
+        aborts: `yes`, `no`, or when it aborts the program of the interpreter.
+
+    """
+
+    identifier: str
+    jobs: tuple[str, ...]
+    executed: bool
+    aborts: str
+
+
+def _interpreted(number: int, jobs: str, executed: bool, aborts: str = "no") -> InterpreterRow:
+    return InterpreterRow(
+        f"OVR-{number:03}", tuple(f"MC_{job}" for job in jobs.split(", ")), executed, aborts
+    )
+
+
+UNDER_INTERPRETER: Final = (
+    _interpreted(58, "Power", True, "yes"),
+    _interpreted(59, "Reset Restart TRUE", True, "yes"),
+    _interpreted(60, "Reset Restart FALSE", True),
+    _interpreted(61, "Home, Halt, Stop", True, "yes"),
+    _interpreted(62, "MoveAbsolute, MoveRelative, MoveVelocity, MoveJog", True, "yes"),
+    _interpreted(63, "SetAxisSTW, WriteParameter", True),
+    _interpreted(64, "MoveSuperimposed, MotionInSuperimposed, HaltSuperimposed", False),
+    _interpreted(65, "MotionInVelocity, MotionInPosition", True, "yes"),
+    _interpreted(
+        66,
+        "GearIn, GearInPos, GearInVelocity, GearOut, CamIn, CamOut",
+        True,
+        "when (de)synchronisation starts",
+    ),
+    _interpreted(67, "PhasingRelative, PhasingAbsolute", False),
+    _interpreted(68, "LeadingValueAdditive", True),
+    _interpreted(69, "OffsetRelative, OffsetAbsolute", False),
+    _interpreted(70, "TorqueAdditive, TorqueRange", True),
+    _interpreted(71, "TorqueLimiting", True, "by an alarm of the fixed stop"),
+    _interpreted(72, "SynchronizedMotionSimulation", True),
+    _interpreted(73, ", ".join(name.removeprefix("MC_") for name in _PATHS), False),
+    _interpreted(74, "GroupInterrupt, GroupContinue", False),
+    _interpreted(75, "GroupStop", True, "yes"),
+    _interpreted(76, "KinematicsMotionSimulation", True),
+    _interpreted(77, "TrackConveyorBelt", False),
+    _interpreted(78, "DefineTool, SetTool, SetOcsFrame", False),
+    _interpreted(79, "KinematicsTransformation, InverseKinematicsTransformation", True),
+    _interpreted(80, ", ".join(name.removeprefix("MC_") for name in _ZONES), False),
+)
+"""Rows OVR-058 to OVR-080."""
+
 
 COLUMNS: Final = tuple(MOTION.columns)
 """H1 passive homing; H2 active homing; H3 `MC_Halt` Mode 1, positioning in control, `MC_MoveVelocity`,

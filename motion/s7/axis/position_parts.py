@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from motion.s7.axis.software_limits import SoftwareLimits
 
 
-@dataclass(slots=True, frozen=True)
+@dataclass(frozen=True)
 class PositionParts:
     """Monitoring and limits of the travel of a positioning axis."""
 

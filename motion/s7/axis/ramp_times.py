@@ -39,8 +39,6 @@ class RampTimes:
 
     """
 
-    __slots__ = ("_store", "_times")
-
     def __init__(self, store: VariableStore, times: Mapping[str, float], given: Mapping[str, object]) -> None:
         self._store = store
         self._times = dict(times)
@@ -52,7 +50,7 @@ class RampTimes:
             _, path = RAMPS[name]
             if path in given:
                 raise ConfigurationError(
-                    path, given[path], f"no value beside ramp_times.{name}, from which it follows"
+                    path, given[path], f"no value together with ramp_times.{name}, from which it follows"
                 )
             value = self._value(name)
             if not store.describe(path).permits(value, 0):

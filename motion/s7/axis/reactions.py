@@ -31,8 +31,6 @@ class Reactions:
 
     """
 
-    __slots__ = ("_alarms", "_command", "_enabling", "_motion", "_reaction", "_states")
-
     def __init__(
         self,
         *,

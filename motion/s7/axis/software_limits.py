@@ -1,5 +1,5 @@
-"""Software limit switches: approached so that the axis ends on them, passed, left (LIM sections 1.9 to
-1.11).
+"""Software limit switches: approached so that the axis ends on them, passed,
+left (LIM sections 1.9 to 1.11).
 """
 
 from __future__ import annotations
@@ -50,28 +50,6 @@ class SoftwareLimits:
         dynamics: Its dynamic limits.
 
     """
-
-    __slots__ = (
-        "_alarms",
-        "_dynamics",
-        "_given",
-        "_motion",
-        "_passed",
-        "_range",
-        "_range_max",
-        "_range_min",
-        "_servo",
-        "_states",
-        "_store",
-        "_sw_active",
-        "_sw_exceeded",
-        "_sw_max",
-        "_sw_min",
-        "_sw_reached",
-        "_was_active",
-        "software_max",
-        "software_min",
-    )
 
     def __init__(
         self,
@@ -140,8 +118,8 @@ class SoftwareLimits:
             )  # jumped there, as only setpoints from outside can (LIM-084)
 
     def check_actual(self, *, controlled: bool) -> None:
-        """Look at the actual position, where there is no position setpoint to look ahead with (LIM-089,
-        LIM-090).
+        """Look at the actual position, where there is no position setpoint to look
+        ahead with (LIM-089, LIM-090).
 
         Args:
             controlled: The axis moves on its own account, so that a limit it passes is an alarm.
@@ -156,8 +134,8 @@ class SoftwareLimits:
             self._check_passed(position, self._servo.total.v)
 
     def _check_passed(self, position: float, velocity: float) -> None:
-        """Raise 534 if the axis is behind a limit and goes on outwards, which no look-ahead could prevent
-        (LIM-084).
+        """Raise 534 if the axis is behind a limit and continues outwards, which no
+        look-ahead could prevent (LIM-084).
         """
         if (velocity > 0.0 and position > self._range_max + _PASSED_TOLERANCE) or (
             velocity < 0.0 and position < self._range_min - _PASSED_TOLERANCE
@@ -203,8 +181,8 @@ class SoftwareLimits:
     def _modulo_range(self, given: tuple[float, float], position: float) -> tuple[float, float]:
         """Return the limits around `position` in the coordinates of the axis.
 
-        The axis that rests on the end of the modulo range is on its limit there, and not in front of the next
-        range.
+        The axis that rests on the end of the modulo range is on its limit there, and
+        not in front of the next range.
         """
         low, high = self._range
         if not (
@@ -218,8 +196,8 @@ class SoftwareLimits:
     def _look_ahead(
         self, position: float, following: tuple[float, float, float], direction: float, limit: float
     ) -> None:
-        """Compare room and way to stop after this cycle; `following`: position, velocity, acceleration
-        then.
+        """Compare the remaining travel with the way to stop after this cycle; `following`:
+        position, velocity, acceleration then.
         """
         motion = self._motion
         job = motion.job
@@ -229,8 +207,8 @@ class SoftwareLimits:
         next_position, velocity, acceleration = following
         speed = velocity * direction
         growth = acceleration * direction
-        at_once = growth > 0.0 and self._ends_at_once()
-        if at_once:
+        at_once = self._ends_at_once()
+        if at_once and growth > 0.0:
             growth = 0.0
         target = motion.destination
         if target is not None:
@@ -253,8 +231,8 @@ class SoftwareLimits:
             self._reach(limit, direction, at_once=at_once)
 
     def _ends_at_once(self) -> bool:
-        """Return whether the motion has no jerk limit, so that its acceleration needs no way to end before a
-        limit.
+        """Return whether the motion has no jerk limit, so that its acceleration
+        needs no way to end before a limit.
         """
         motion = self._motion
         if motion.given:
@@ -286,8 +264,13 @@ class SoftwareLimits:
         )
 
     def _reach(self, limit: float, direction: float, *, at_once: bool) -> None:
-        """Alarm 533: the motion is aborted and ends exactly at the limit (LIM-075); `at_once`: its
-        acceleration ends now.
+        """Alarm 533: the motion is aborted and ends exactly at the limit (LIM-075).
+
+        Args:
+            limit: The limit, axis unit.
+            direction: Its side, 1.0 or -1.0.
+            at_once: An acceleration towards the limit ends now, even one that the next cycle would end.
+
         """
         motion = self._motion
         deceleration, jerk = self._braking()
@@ -295,7 +278,7 @@ class SoftwareLimits:
         reaction = 1 if self._sw_reached.value == 1 else 2
         self._alarms.raise_alarm(ALARM_SOFTWARE_REACHED, reaction=reaction, info=2 if direction > 0.0 else 1)
         if self._states.state is AxisState.ALARM_RAMP and not stopping:
-            if at_once:
+            if at_once and motion.gen.a * direction > 0.0:
                 motion.gen.a = 0.0
             motion.gen.start_position(limit, abs(motion.gen.v) or _CREEP, deceleration, deceleration, jerk)
 

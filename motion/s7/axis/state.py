@@ -1,5 +1,5 @@
-"""States of a technology object and what each of them means for enable, control and jobs (STP-446 to
-STP-461).
+"""States of a technology object and what each of them means for enable, control
+and jobs (STP-446 to STP-461).
 """
 
 from __future__ import annotations
@@ -42,26 +42,6 @@ S = AxisState
 ACCEPTS_MOTION: Final = frozenset((S.ENABLE_RAMP, S.STANDSTILL, S.MOTION, S.HALTING))
 """States in which a motion job is accepted."""
 
-ACCEPTS_STOP: Final = ACCEPTS_MOTION | frozenset((S.STOPPING, S.STOP_HOLD, S.ALARM_RAMP))
-"""States in which `MC_Stop` can take effect."""
-
-ENABLED: Final = frozenset(
-    (
-        S.ENABLE_RAMP,
-        S.STANDSTILL,
-        S.MOTION,
-        S.HALTING,
-        S.STOPPING,
-        S.STOP_HOLD,
-        S.ALARM_RAMP,
-        S.ALARM_STANDSTILL,
-        S.DISABLING_RAMP,
-        S.DISABLING_QUICK,
-        S.DISABLING_COAST,
-    )
-)
-"""States with StatusWord.X0 and `MC_Power.Status` TRUE."""
-
 CONTROLLED: Final = frozenset(
     (
         S.ENABLE_RAMP,
@@ -76,6 +56,9 @@ CONTROLLED: Final = frozenset(
     )
 )
 """States in which the axis makes the setpoints and its controller is closed."""
+
+ENABLED: Final = CONTROLLED | frozenset((S.DISABLING_QUICK, S.DISABLING_COAST))
+"""States with StatusWord.X0 and `MC_Power.Status` TRUE."""
 
 DRIVE_EXPECTED_ON: Final = CONTROLLED | frozenset((S.TRACKING,))
 """States in which a drive that drops out by itself is a fault (alarm 421)."""
@@ -94,8 +77,6 @@ DRIVE_RAMP: Final = frozenset((S.DISABLING_QUICK, S.ALARM_DRIVE_STOP, S.TRACKING
 
 class StateFacts:
     """What the cycle asks about a state, as plain attributes: hashing an enumeration member is slow."""
-
-    __slots__ = ("controlled", "drive_expected", "drive_ramp", "enabled", "quiet")
 
     def __init__(self, state: AxisState) -> None:
         self.enabled = state in ENABLED
@@ -116,11 +97,9 @@ class AxisStates:
     Args:
         name: Name of the axis.
         history: Event log, or None.
-        servo: The axis in the kernel, which is told whether it is controlled.
+        servo: The axis in the kernel, which needs to know whether it is controlled.
 
     """
-
-    __slots__ = ("_history", "_name", "_servo", "facts", "on_restart", "power_status_shown", "state")
 
     def __init__(self, name: str, history: History | None, servo: ServoAxis) -> None:
         self._name = name
@@ -157,8 +136,6 @@ class AxisStates:
 class DriveCommand:
     """Control word 1 of an axis, and what is to become of its enable."""
 
-    __slots__ = ("acknowledge", "disable_pending", "enable", "stw1", "switching_off")
-
     def __init__(self) -> None:
         self.enable = False
         """Level of `MC_Power.Enable` as last called."""
@@ -168,20 +145,20 @@ class DriveCommand:
         self.acknowledge = False
         """Set STW1.7 in the next telegrams (`MC_Reset`)."""
         self.disable_pending = False
-        """`Enable` has fallen during the present ramp, which ends with the drive off even if it rises
-        again.
+        """`Enable` has fallen during the present ramp, which ends with the
+        drive off even if it rises again.
         """
 
     @property
     def will_disable(self) -> bool:
-        """Whether the ramp in progress ends with the drive switched off: `Enable` is FALSE, or has been
-        since.
+        """Whether the ramp in progress ends with the drive switched off:
+        `Enable` is FALSE, or has been since.
         """
         return self.switching_off or self.disable_pending or not self.enable
 
     def switch_off(self) -> None:
-        """Withdraw ON after a ramp of the axis; the state is left when the drive is off (STP-289,
-        STP-290).
+        """Withdraw ON after a ramp of the axis; the state is left when the
+        drive is off (STP-289, STP-290).
         """
         self.switching_off = True
         self.stw1 = STW1_IDLE

@@ -76,19 +76,6 @@ class StatusWords:
 
     """
 
-    __slots__ = (
-        "_command",
-        "_engine",
-        "_homings",
-        "_motion",
-        "_position",
-        "_servo",
-        "_states",
-        "_torque",
-        "_torque_limits",
-        "_variables",
-    )
-
     def __init__(
         self,
         variables: VariableStore,
@@ -187,9 +174,8 @@ class StatusWords:
         return word
 
     def word2(self) -> int:
-        """Return `StatusWord2`: `MC_Stop` holds the axis, a backlash is passed, a superimposed motion is
-        given or
-        brakes.
+        """Return `StatusWord2`: `MC_Stop` holds the axis, a backlash is passed, a
+        superimposed motion is given or brakes.
         """
         motion = self._motion
         servo = self._servo

@@ -18,7 +18,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import count
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol
+from typing import TYPE_CHECKING, ClassVar, Final, Protocol
 
 from motion.kernel.mechanics import INCREMENTAL
 from motion.s7.axis.homing.passive import abort_passive
@@ -48,18 +48,18 @@ _RESTART_CYCLES: Final = 5
 _OFFSET: Final = ".AbsEncoderOffset"
 _RESTING: Final = frozenset((AxisState.DISABLED, AxisState.ALARM_DISABLED))
 
-Live = dict[str, Callable[[], Any]]
+Live = dict[str, Callable[[], float]]
 """Readers of the variables that the runtime does not keep in the store, by path."""
 
 
 def frozen(live: Live) -> Live:
-    """Return readers of what `live` says now, for the time in which the object is being initialised
-    (VAR-228).
+    """Return readers of what `live` says now, for the time in which the object
+    is being initialised (VAR-228).
     """
     return {path: partial(_kept, reader()) for path, reader in live.items()}
 
 
-def _kept(value: Any) -> Any:
+def _kept(value: float) -> float:
     return value
 
 
@@ -79,8 +79,8 @@ def _converted(reader: Callable[[], float], factor: float) -> float:
 
 
 def live_leading_value(get: Callable[[], LeadingValue], modulo: Callable[[], Modulo]) -> Live:
-    """Return the readers of the variables that show a leading value, for an object that may get another
-    one.
+    """Return the readers of the variables that show a leading value, for an
+    object that may get another one.
     """
     status, given = "StatusExtrapolation.", "StatusProvidedLeadingValue.DelayedLeadingValue."
     return {
@@ -139,8 +139,6 @@ class Reset:
 
     """
 
-    __slots__ = ("_age", "_owner", "done", "error_id", "restart")
-
     def __init__(self, owner: TechnologyObject, *, restart: bool) -> None:
         self._owner = owner
         self._age = 0
@@ -169,7 +167,7 @@ class Reset:
 
 
 class TechnologyObject(ABC):
-    """See the module.
+    """Base of axis and external encoder; the module says what is kept over which event.
 
     Args:
         name: Name in history and trace.
@@ -181,8 +179,8 @@ class TechnologyObject(ABC):
 
     object_type: ClassVar[str] = ""
     kinds: ClassVar[tuple[str, ...]] = ()
-    """Types of technology objects as which instructions take it: its own, and the one whose functions it
-    contains.
+    """Types of technology objects as which instructions take it: its own, and the
+    one whose functions it contains.
     """
     has_position: ClassVar[bool] = False
     """It has a setpoint position that a job can move."""
@@ -238,8 +236,8 @@ class TechnologyObject(ABC):
 
     @abstractmethod
     def check(self, *, start: bool) -> list[Problem]:
-        """Return what does not fit together, in the values in force or in the start values of the next
-        restart.
+        """Return what does not fit together, in the values in effect or in the
+        start values of the next restart.
         """
 
     @abstractmethod
@@ -281,8 +279,8 @@ class TechnologyObject(ABC):
 
     @abstractmethod
     def _end_functions(self) -> None:
-        """Take back what instructions have set without a motion job: bits of control words, torque
-        functions.
+        """Take back what instructions have set without a motion job: bits of
+        control words, torque functions.
         """
 
     @abstractmethod
@@ -343,9 +341,8 @@ class TechnologyObject(ABC):
         return self.state in _RESTING
 
     def disable(self) -> None:
-        """Take the object from the user program with the effect of reaction 4 (STP-506): jobs are aborted,
-        the
-        drive stops.
+        """Take the object from the user program with the effect of reaction 4 (STP-506):
+        jobs are aborted, the drive stops.
         """
         self.master = None
         abort_passive(self.homings)
@@ -364,7 +361,7 @@ class TechnologyObject(ABC):
         self._power_down()
         self._initialise(self.variables.power_cycle, powered_off=True)
 
-    def download(self, values: Mapping[str, Any]) -> None:
+    def download(self, values: Mapping[str, object]) -> None:
         """Load start values of any access class and initialise the object with them.
 
         Raises:
@@ -397,7 +394,7 @@ class TechnologyObject(ABC):
 
     # -- variables under their original paths
 
-    def var(self, path: str) -> Any:
+    def var(self, path: str) -> float:
         """Return a variable of the technology data block by its original path; bits as `StatusWord.X7`.
 
         Raises:
@@ -410,11 +407,14 @@ class TechnologyObject(ABC):
         head, _, bit = path.rpartition(".")
         bit = bit.lstrip("%")
         if head in self._live and bit[:1] == "X" and bit[1:].isdigit():
-            return bool(self._live[head]() >> int(bit[1:]) & 1)
+            number = int(bit[1:])
+            if number > 15:
+                self.variables.read(path)  # refuses a bit that the word does not have
+            return bool(int(self._live[head]()) >> number & 1)
         return self.variables.read(path)
 
-    def write(self, path: str, value: Any) -> None:
-        """Assign a variable like the user program does; the access class decides when it acts (VAR-001 to
-        VAR-015).
+    def write(self, path: str, value: float) -> None:
+        """Assign a variable like the user program does; the access class decides
+        when it acts (VAR-001 to VAR-015).
         """
         self.variables.write(path, value)

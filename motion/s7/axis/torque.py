@@ -53,8 +53,8 @@ _THRESHOLD: Final = 0.9
 
 
 def _limit_scale(store: VariableStore, *, linear_motor: bool) -> tuple[float, str]:
-    """Return the torque at the motor, Nm, per Nm or N of a limit, and which of the two it is (STP-138 to
-    STP-142).
+    """Return the torque at the motor, Nm, per Nm or N of a limit, and which of the
+    two it is (STP-138 to STP-142).
     """
     read = store.read
     if linear_motor:
@@ -64,12 +64,12 @@ def _limit_scale(store: VariableStore, *, linear_motor: bool) -> tuple[float, st
     ratio = read("LoadGear.Denominator") / read("LoadGear.Numerator") / (read("Actor.Efficiency") or 1.0)
     if store.object_type == "SpeedAxis" or read("Properties.MotionType") == 1:
         return ratio, "Torque"
-    lead_m = read("Mechanics.LeadScrew") * millimetres(read("Units.LengthUnit")) * 1.0e-3
+    lead_m = read("Mechanics.LeadScrew") * millimetres(store.read_int("Units.LengthUnit")) * 1.0e-3
     return ratio * lead_m / tau, "Force"
 
 
 class TorqueControl:
-    """See the module. One object per axis; `step` runs once per application cycle.
+    """Torque functions of an axis. One object per axis; `step` runs once per application cycle.
 
     Args:
         store: Variables of the axis.
@@ -78,33 +78,9 @@ class TorqueControl:
         alarms: Its alarms.
         motion: Its jobs.
         control_words: Its control words 1 and 2.
-        limits: Torque limits in force.
+        limits: Torque limits in effect.
 
     """
-
-    __slots__ = (
-        "_alarms",
-        "_clamp_position",
-        "_control_words",
-        "_default",
-        "_deviation",
-        "_limit_unit",
-        "_motion",
-        "_per_limit",
-        "_precontrol",
-        "_reference",
-        "_selected",
-        "_servo",
-        "_sign",
-        "_states",
-        "_store",
-        "_tolerance",
-        "_unit",
-        "additive",
-        "limits",
-        "precontrolled_nm",
-        "sends",
-    )
 
     def __init__(
         self,
@@ -124,7 +100,7 @@ class TorqueControl:
         self._motion = motion
         self._control_words = control_words
         self.limits = limits
-        """Limits in force, and the fixed stop."""
+        """Limits in effect, and the fixed stop."""
         self._selected = store.bind(TORQUE_DATA)
         if servo.has_position:
             self._deviation = store.bind("Clamping.FollowingErrorDeviation")
@@ -132,7 +108,7 @@ class TorqueControl:
         self.begin()
 
     def begin(self) -> None:
-        """Derive references from the variables in force, and begin without any torque function."""
+        """Derive references from the variables in effect, and begin without any torque function."""
         store = self._store
         linear_motor = self._servo.has_position and store.read("Actor.MotorType") == 1
         self._reference = store.bind(
@@ -156,7 +132,7 @@ class TorqueControl:
         self.sends = self._precontrol is not None
         """There is a torque to be sent: `output_nm` has to be called."""
         self.additive: float | None = None
-        """`MC_TorqueAdditive.Value` in force, in Nm; None = the function is off."""
+        """`MC_TorqueAdditive.Value` in effect, in Nm; None = the function is off."""
         self.limits.begin()
         self._clamp_position = 0.0
 
@@ -189,8 +165,8 @@ class TorqueControl:
 
     @property
     def total_additive_nm(self) -> float:
-        """Additive torque that is sent, before the direction of the drive counts, Nm
-        (`StatusTorqueData.TotalTorqueAdditive`).
+        """Additive torque that is sent, before the direction of the drive
+        counts, Nm (`StatusTorqueData.TotalTorqueAdditive`).
         """
         return (self.additive or 0.0) + self.precontrolled_nm
 
@@ -271,8 +247,8 @@ class TorqueControl:
         return NO_ERROR
 
     def set_limiting(self, limit: float, mode: int) -> int:
-        """Activate or change limit and mode; returns the ErrorID of values that are not permitted (STP-134,
-        STP-603).
+        """Activate or change limit and mode; returns the ErrorID of values that are
+        not permitted (STP-134, STP-603).
 
         Args:
             limit: As `MC_TorqueLimiting.Limit`.

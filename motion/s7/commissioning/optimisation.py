@@ -55,7 +55,7 @@ _AFTERWARDS: Final = 0.2
 """Time that is recorded after the end of a test step at least, s."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TestStep:
     """The motion with which a setting is tried: a trapezoid, forward and backward.
 
@@ -89,7 +89,7 @@ class TestStep:
             )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Attempt:
     """One setting, tried with a test step."""
 
@@ -128,7 +128,7 @@ class Attempt:
         }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Recommendation:
     """What the optimisation ends with."""
 
@@ -146,8 +146,8 @@ class Recommendation:
 
 
 def tuned_by_drive(gain: float, time_constant_ms: float) -> dict[str, float]:
-    """Return start values from what the one-button tuning of a SINAMICS drive has found (COM-053, COM-054,
-    CTL-035).
+    """Return start values from what the one-button tuning of a SINAMICS drive has
+    found (COM-053, COM-054, CTL-035).
 
     Args:
         gain: r5276, 1000/min.

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from math import inf
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, NotRequired, TypedDict, TypeVar
 
 from fieldbus.clock import S, Timer
 from fieldbus.errors import ConfigurationError, HilError
@@ -42,11 +42,21 @@ _OFF: Final = (AxisState.DISABLED, AxisState.ALARM_DISABLED)
 _T = TypeVar("_T", bound=Instruction)
 
 
+class _Dynamics(TypedDict):
+    """Inputs of a job of the panel."""
+
+    Velocity: float
+    Acceleration: float
+    Deceleration: float
+    Jerk: float
+    Direction: NotRequired[int]
+
+
 class CommissioningError(HilError):
     """The control panel cannot do that now; the text says why."""
 
 
-def _dynamic_value(name: str, text: str, *, zero: bool = False) -> Any:
+def _dynamic_value(name: str, text: str, *, zero: bool = False) -> property:
     """Return a property for a dynamic value of the panel that takes numbers above 0 only, or 0 too."""
 
     def get(self: ControlPanel) -> float:
@@ -90,13 +100,14 @@ class ControlPanel:
         self._instances: list[Instruction] = []
         self._power: MC_Power | None = None
         self._returning = ""
-        self._kept: dict[str, Any] = {}
+        self._acknowledging = False
+        self._kept: dict[str, float] = {}
         self._slider = 0.0
         self._last_slider: float | None = None
         self.job: Any = None
         """Instance of the last motion or homing job, with its outputs."""
         self.error_id = 0
-        """16#8013 after control has been lost for want of a sign of life; 0 otherwise."""
+        """16#8013 after control was lost because the sign of life was missing; 0 otherwise."""
         self.message = ""
         """Why control was returned, in words."""
         limits = axis.variables.read
@@ -156,8 +167,8 @@ class ControlPanel:
         self._tell("taken")
 
     def release(self) -> None:
-        """Disable the axis and give it back to the user program when it is off (COM-070); harmless without
-        control.
+        """Disable the axis and give it back to the user program when it is off
+        (COM-070); harmless without control.
         """
         if self.active:
             self._give_back("by command")
@@ -203,6 +214,7 @@ class ControlPanel:
         if self._returning:
             return
         self._returning = self.message = reason
+        self._acknowledging = False
         self.error_id = error_id
         self._slider = 0.0
         if self._power is not None:
@@ -229,6 +241,7 @@ class ControlPanel:
     def _leave(self) -> None:
         self._instances = []
         self._power = None
+        self._acknowledging = False
         self._runtime.uncall(self._cycle)
 
     def _tell(self, what: str) -> None:
@@ -252,9 +265,11 @@ class ControlPanel:
             return
         if self._runtime.scheduler.now - self._beat_ns > self._monitoring_ns:
             self._give_back("no sign of life within the monitoring time", ERROR_LIFE_SIGN)
+        power = self._power
+        if self._acknowledging and power is not None and axis.state is not AxisState.ALARM_DRIVE_STOP:
+            self._acknowledge(power)
         for instance in self._instances:
             instance()
-        power = self._power
         if self._returning and power is not None and power.off() and axis.state in _OFF:
             self._end()
             return
@@ -295,8 +310,24 @@ class ControlPanel:
             self._power.set(Enable=False)
 
     def acknowledge(self) -> None:
-        """Acknowledge the alarms of the axis."""
+        """Acknowledge the alarms of the axis; if one has disabled it, it stays off until `enable` is called.
+
+        `MC_Power` would switch the drive on again as soon as the alarm is acknowledged, if its `Enable` had
+        stayed TRUE (STP-033): so the panel takes it away first. While the drive still brakes by itself, the
+        acknowledgement waits until it is off (STP-381).
+        """
         self._need_control()
+        self._acknowledging = True
+
+    @property
+    def acknowledging(self) -> bool:
+        """Whether an acknowledgement waits for the drive to be off."""
+        return self._acknowledging
+
+    def _acknowledge(self, power: MC_Power) -> None:
+        if self.axis.enabling.alarmed:
+            power.set(Enable=False)
+        self._acknowledging = False
         self._own(MC_Reset(self.axis, Execute=True))
 
     @property
@@ -349,12 +380,11 @@ class ControlPanel:
         """
         self._need_control(enabled=True)
         self._set_slider(slider)
-        dynamics = self._dynamics()
-        inputs = {"JogForward": slider > 0.0, "JogBackward": slider < 0.0, **dynamics}
+        dynamics, forward, backward = self._dynamics(), slider > 0.0, slider < 0.0
         if isinstance(self.job, MC_MoveJog) and self.job in self._instances:
-            self.job.set(**inputs)
+            self.job.set(JogForward=forward, JogBackward=backward, **dynamics)
         else:
-            self.job = self._own(MC_MoveJog(self.axis, **inputs))
+            self.job = self._own(MC_MoveJog(self.axis, JogForward=forward, JogBackward=backward, **dynamics))
         return self.job
 
     def move_relative(self, distance: float, slider: float = _FULL) -> MC_MoveRelative:
@@ -366,13 +396,13 @@ class ControlPanel:
         return self.job  # type: ignore[no-any-return]
 
     def move_absolute(self, position: float, slider: float = _FULL) -> MC_MoveAbsolute:
-        """Move to `position`, axis unit; on a modulo axis forward, with a slider below 0 backward (COM-050,
-        COM-051).
+        """Move to `position`, axis unit; on a modulo axis forward, with a slider below
+        0 backward (COM-050, COM-051).
         """
         self._need_control(enabled=True)
         axis = self.axis
         self._set_slider(slider)
-        inputs: dict[str, Any] = self._dynamics()
+        inputs = self._dynamics()
         if axis.modulo.enabled:
             position = axis.modulo.wrap(position)
             inputs["Direction"] = 1 if slider > 0.0 else 2
@@ -394,8 +424,8 @@ class ControlPanel:
         return self._home_directly(0, position)
 
     def adjust_encoder(self, value: float, *, relative: bool = False) -> MC_Home:
-        """Adjust the absolute encoder to a position (`MC_Home` Mode 7) or by an offset (Mode 6) (COM-044 to
-        COM-046).
+        """Adjust the absolute encoder to a position (`MC_Home` Mode 7) or by an offset
+        (Mode 6) (COM-044 to COM-046).
         """
         return self._home_directly(6 if relative else 7, value)
 
@@ -416,7 +446,7 @@ class ControlPanel:
             self.job.set(JogForward=False, JogBackward=False)
         return self._own(MC_Halt(self.axis, Execute=True, Deceleration=deceleration, Jerk=jerk))
 
-    def _dynamics(self) -> dict[str, Any]:
+    def _dynamics(self) -> _Dynamics:
         """Return the inputs of a job, within the dynamic limits of the axis (COM-039)."""
         read = self.axis.variables.read
         return {

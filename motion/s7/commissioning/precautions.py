@@ -1,5 +1,5 @@
-"""What should be active before somebody moves an axis by hand or by setpoints of his own (COM-027,
-MIN-008).
+"""What should be active before somebody moves an axis by hand or by setpoints
+of his own (COM-027, MIN-008).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _WATCHED: Final = {
 def precautions(axis: TechnologyAxis) -> tuple[str, ...]:
     """Return what is recommended and not active, in words with its variable; nothing of it is demanded.
 
-    Software limit switches that are active do not act before the axis is homed, which is told as well. An
+    Software limit switches that are active do not act before the axis is homed, which is reported as well. An
     emergency stop within reach is the operator's own.
 
     Args:

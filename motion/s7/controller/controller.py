@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from fieldbus.clock import MS, S
 from fieldbus.errors import ConfigurationError, HilError
@@ -35,7 +35,7 @@ class Controller:
     """The CPU around a runtime: `bench.controller`.
 
     A controller is in RUN from the start of its runtime. `stop`, `run`, `power_off` and the others return at
-    once; what takes time goes on with the cycle: `bench.run_until(lambda: bench.controller.state is
+    once; what takes time continues with the cycle: `bench.run_until(lambda: bench.controller.state is
     OperatingState.STOP, timeout=2.0)`.
 
     Args:
@@ -59,8 +59,8 @@ class Controller:
         self._task = task
         self._program = program
         self.data_blocks = data_blocks
-        """Global data blocks of the user program; they lose their values with the supply and at a memory
-        reset.
+        """Global data blocks of the user program; they lose their values with
+        the supply and at a memory reset.
         """
         self._history = history
         levels.belong_to(self)
@@ -75,8 +75,8 @@ class Controller:
         self.startup_program: list[Callable[[], object]] = []
         """Called once in STARTUP, in this order (OB 100)."""
         self.on_outputs: list[Callable[[bool], object]] = []
-        """Called when the process outputs are switched on (True) or off (False), for what is no drive of an
-        axis.
+        """Called when the process outputs are switched on (True) or off (False),
+        for what is no drive of an axis.
         """
         self.on_power: list[Callable[[bool], object]] = []
         """Called when the supply comes (True) or goes (False), for what the controller has on its buses."""
@@ -85,8 +85,8 @@ class Controller:
         self.periphery_ready: Callable[[], bool] = _always
         """Whether all devices answer; STARTUP after power-on waits for it."""
         self._has_run = True
-        """Whether it has been in RUN since power-on: before that no inputs are read (CFG-290, CFG-291,
-        CFG-295).
+        """Whether it has been in RUN since power-on: before that no inputs are
+        read (CFG-290, CFG-291, CFG-295).
         """
         self._stopping: list[TechnologyObject] = []
         self._restarts: list[TechnologyObject] = []
@@ -170,23 +170,23 @@ class Controller:
         for one in self._objects:
             one.power_down()
             one.switch_outputs(False)
-        for told in self.on_power:
-            told(False)
+        for notify in self.on_power:
+            notify(False)
 
     def power_on(self, *, run: bool = True) -> None:
         """Switch the supply on: all technology objects are initialised from load memory (MC-630).
 
         Args:
-            run: Whether the controller goes on to RUN by itself; otherwise it stays in STOP.
+            run: Whether the controller continues to RUN by itself; otherwise it stays in STOP.
 
         """
         if self.state is not OperatingState.POWER_OFF:
             return
         self._enter(OperatingState.STOP, "supply on")
-        for told in self.on_outputs:
-            told(False)
-        for told in self.on_power:
-            told(True)
+        for notify in self.on_outputs:
+            notify(False)
+        for notify in self.on_power:
+            notify(True)
         self._startup_limit_ns = self._task.scheduler.now + _PERIPHERY_NS
         self._run_wanted = run
 
@@ -220,7 +220,7 @@ class Controller:
             one.forget_encoders()
             one.power_down()
 
-    def download(self, name: str, values: Mapping[str, Any] | None = None) -> None:
+    def download(self, name: str, values: Mapping[str, object] | None = None) -> None:
         """Load a technology object with changed start values, of any access class (VAR-014, CFG-127).
 
         Args:
@@ -241,9 +241,8 @@ class Controller:
         self._tell(f"technology object {name} loaded")
 
     def load_project(self, *, upgraded: bool = False) -> None:
-        """Load all technology objects again, as with a project of another name, or with an upgraded version
-        of
-        the same one.
+        """Load all technology objects again, as with a project of another name, or with an
+        upgraded version of the same one.
 
         Another project knows nothing of the adjustment of an absolute encoder; an upgraded one keeps it
         (HOM-188, HOM-189).
@@ -319,8 +318,8 @@ class Controller:
             self._history.emit(_SOURCE, "controller.initialised", what=what)
 
     def _soon(self, work: Callable[[], None]) -> None:
-        """Do it now, or as soon as what runs in this instant has ended: nothing is stopped halfway through a
-        cycle.
+        """Do it now, or as soon as what runs in this instant has ended: nothing is
+        stopped halfway through a cycle.
         """
         scheduler = self._task.scheduler
         if scheduler.running:
@@ -342,8 +341,8 @@ class Controller:
         for one in everything:
             one.disable()
         self._stopping = list(everything)
-        for told in self.on_outputs:
-            told(False)
+        for notify in self.on_outputs:
+            notify(False)
 
     def _advance_stop(self) -> None:
         """Switch off, and restart, what has come to rest; then begin STARTUP if that is wanted."""
@@ -377,15 +376,15 @@ class Controller:
 
     def _begin_run(self) -> None:
         self._enter(OperatingState.RUN, "")
-        for told in self.on_outputs:
-            told(True)
+        for notify in self.on_outputs:
+            notify(True)
         self.renew_cycle()
 
     # -- cycle
     # ------------------------------------------------------------------------------------------------
 
     def _cycle_without_program(self) -> None:
-        """One application cycle in STOP and STARTUP: inputs and technology data go on (MC-632)."""
+        """One application cycle in STOP and STARTUP: inputs and technology data continue (MC-632)."""
         task = self._task
         if self._has_run:
             self.levels.cycle_objects()

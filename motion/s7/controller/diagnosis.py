@@ -1,17 +1,17 @@
-"""What the controller says about itself: its operating state and the newest entries of its diagnostics
-buffer.
+"""What the controller says about itself: its operating state and the newest
+entries of its diagnostics buffer.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from motion.s7.controller.diagnostics_buffer import DiagnosticsEntry
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ControllerDiagnosis:
     """A snapshot of the controller.
 
@@ -24,7 +24,7 @@ class ControllerDiagnosis:
     state: str
     entries: tuple[DiagnosticsEntry, ...]
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Return everything in types that JSON knows, the newest entry first."""
         return {
             "state": self.state,

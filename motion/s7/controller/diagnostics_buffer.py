@@ -1,15 +1,14 @@
 """The diagnostics buffer of the controller: what a service engineer reads first after a stop.
 
-`DiagnosticsBuffer.append` is the one way in. What other parts tell the event log is taken over by `follow`,
-so that they need
-not know the buffer.
+`DiagnosticsBuffer.append` is the one way in. What other parts write to the event log is copied by `follow`,
+so that they need not know the buffer.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 from fieldbus.clock import S
 from fieldbus.errors import ConfigurationError
@@ -35,7 +34,7 @@ class DiagnosticsEntry(NamedTuple):
     time_ns: int
     """Time from the start of the bench, ns."""
     source: str
-    """Who tells it: the controller, a technology object, a drive, a station."""
+    """Who reports it: the controller, a technology object, a drive, a station."""
     text: str
     direction: Direction
     """Whether a condition comes or goes; empty for what only happens."""
@@ -44,7 +43,7 @@ class DiagnosticsEntry(NamedTuple):
         mark = {"coming": "+", "going": "-", "": " "}[self.direction]
         return f"{self.number:>5}  {self.time_ns / S:10.3f} s  {mark} {self.source}: {self.text}"
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Return the entry in types that JSON knows."""
         return {
             "number": self.number,
@@ -67,8 +66,6 @@ class DiagnosticsBuffer:
 
     """
 
-    __slots__ = ("_entries", "_number", "_scheduler", "capacity")
-
     def __init__(self, scheduler: Scheduler, *, capacity: int = CAPACITY) -> None:
         if capacity < 1:
             raise ConfigurationError("capacity of the diagnostics buffer", capacity, "1 or more")
@@ -89,7 +86,7 @@ class DiagnosticsBuffer:
         """Enter what has happened now.
 
         Args:
-            source: Who tells it.
+            source: Who reports it.
             text: What it is, as text.
             direction: Whether a condition comes or goes.
 
@@ -116,34 +113,34 @@ class DiagnosticsBuffer:
         entries = reversed(self._entries if newest is None else list(self._entries)[-newest:])
         return "\n".join(str(entry) for entry in entries)
 
-    # -- what the event log tells
+    # -- from the event log
     # -----------------------------------------------------------------------------
 
     def follow(self, history: History) -> Callable[[], None]:
-        """Enter what the event log tells of alarms and connections from now on; returns the function that
+        """Copy alarms and connections of the event log from now on; returns the function that
         ends it.
 
-        Technology alarms come in as far as the catalogue says that the diagnostics buffer records them
-        (TA-011).
+        Technology alarms come in as far as the catalogue says that the
+        diagnostics buffer records them (TA-011).
         """
-        tell = _WORDS
+        texts = _TEXTS
         append = self.append
 
         def listen(event: Event) -> None:
-            words = tell.get(event.kind)
-            if words is not None:
-                told = words(event)
-                if told is not None:
-                    append(event.source, *told)
+            text_of = texts.get(event.kind)
+            if text_of is not None:
+                entry = text_of(event)
+                if entry is not None:
+                    append(event.source, *entry)
 
         return history.listen(listen)
 
 
-Told = tuple[str, Direction] | None
+Entry = tuple[str, Direction] | None
 
 
-def _alarm(direction: Direction) -> Callable[[Event], Told]:
-    def words(event: Event) -> Told:
+def _alarm(direction: Direction) -> Callable[[Event], Entry]:
+    def words(event: Event) -> Entry:
         entry = catalogue().get(int(event.data.get("number") or 0))
         if entry is None or not entry.diagnostic_buffer:
             return None
@@ -155,19 +152,19 @@ def _alarm(direction: Direction) -> Callable[[Event], Told]:
     return words
 
 
-class _Facts(dict[str, Any]):
-    """Data of an event; what is not told is left open, because parts of one's own may emit the same kinds."""
+class _Facts(dict[str, object]):
+    """Data of an event; what is missing is left open, because a user's own parts may emit the same kinds."""
 
     def __missing__(self, key: str) -> str:
         return "?"
 
 
-def _plain(text: str, direction: Direction = "") -> Callable[[Event], Told]:
+def _plain(text: str, direction: Direction = "") -> Callable[[Event], Entry]:
     """Return words with places for the data of the event."""
     return lambda event: (text.format_map(_Facts(event.data)), direction)
 
 
-_WORDS: Final[dict[str, Callable[[Event], Told]]] = {
+_TEXTS: Final[dict[str, Callable[[Event], Entry]]] = {
     "alarm.raised": _alarm("coming"),
     "alarm.cleared": _alarm("going"),
     "link.down": _plain("no cyclic communication", "coming"),

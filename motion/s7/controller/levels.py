@@ -1,12 +1,12 @@
 """Execution levels: `MC_Servo` and `MC_Interpolator`, the blocks of the user around them, and what becomes of
 them when computing takes long.
 
-In one servo cycle, in this order (MC-634): `MC_PreServo`, `MC_Servo`, `MC_PostServo`; where the interpolator
-is due, with it, and afterwards `MC_PreInterpolator` and the user program. An interpolator that is due every n
-servo cycles (`T_ipo = n * T_servo`) calculates the setpoints n cycles ahead, between which `MC_Servo`
-interpolates.
+In one servo cycle, in this order (MC-634): `MC_PreServo`, `MC_Servo`, `MC_PostServo`; where the
+interpolator is due, with it, and afterwards `MC_PreInterpolator` and the user program. An interpolator
+that is due every n servo cycles (`T_ipo = n * T_servo`) calculates the setpoints n cycles ahead, between
+which `MC_Servo` interpolates.
 
-Computing takes no time unless it is told to. With a time for `MC_Servo` its outputs come later by it; with
+Computing takes no time unless a time is set. With a time for `MC_Servo` its outputs come later by it; with
 one for `MC_Interpolator` the next setpoints may be missing when `MC_Servo` wants them (MC-636, MC-637).
 """
 
@@ -193,7 +193,7 @@ class ExecutionLevels:
         return self._servo_ns, self._interpolator_ns
 
     def stall(self, stalled: bool) -> None:
-        """Let all levels hang without anybody noticing, or go on: no inputs, no program, no telegrams; the
+        """Let all levels hang without anybody noticing, or continue: no inputs, no program, no telegrams; the
         bus runs on.
         """
         self._stalled = stalled
@@ -257,8 +257,8 @@ class ExecutionLevels:
         return due
 
     def _serve(self, *, due: bool, late: bool) -> None:
-        """`MC_Servo` with the blocks around it, and what follows when the interpolator is due and has its
-        time.
+        """`MC_Servo` with the blocks around it, and what follows when the
+        interpolator is due and has its time.
         """
         task = self._task
         for hook in self.pre_servo:
@@ -304,8 +304,8 @@ class ExecutionLevels:
         return True
 
     def _served(self, generation: int, *, due: bool, late: bool) -> None:
-        """`MC_Servo` ends, unless RUN has: its outputs are written, and the interpolator begins or goes
-        on.
+        """`MC_Servo` ends, unless RUN has: its outputs are written, and the
+        interpolator begins or continues.
         """
         if generation != self._generation:
             return

@@ -11,7 +11,7 @@ class OperatingState(Enum):
     POWER_OFF = "power off"
     """Without supply: nothing is sent, nothing is calculated."""
     STOP = "STOP"
-    """No program and no jobs, outputs off; technology data and inputs go on being updated (MC-632)."""
+    """No program and no jobs, outputs off; technology data and inputs continue being updated (MC-632)."""
     STARTUP = "STARTUP"
     """The start-up program runs, outputs off, motion jobs are rejected (MC-631)."""
     RUN = "RUN"

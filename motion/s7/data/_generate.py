@@ -33,8 +33,8 @@ def _bit(text: str | None) -> tuple[int | None, str]:
 
 
 def _variable(entry: dict[str, Any]) -> list[Any]:
-    """Return path, data type, access, unit, initial value, minimum, maximum and, where there is more, the
-    rest.
+    """Return path, data type, access, unit, initial value, minimum, maximum and,
+    where there is more, the rest.
     """
     limits = entry.get("range") or {"min": None, "max": None}
     unit = entry["unit"]
@@ -64,6 +64,27 @@ def _variable(entry: dict[str, Any]) -> list[Any]:
     return [*row, more] if more else row
 
 
+def _texts(entry: dict[str, Any]) -> list[Any]:
+    """Return path and meaning of a variable and, where it has two values, what FALSE and TRUE mean."""
+    row: list[Any] = [entry["path"], (entry["description"] or "").strip()]
+    if entry["kind"] == "bool" and entry.get("enum"):
+        row.append([value["meaning"] for value in sorted(entry["enum"], key=lambda one: one["value"])])
+    return row
+
+
+def variable_texts(source: dict[str, Any]) -> dict[str, Any]:
+    """Return the content of `variable_texts.json`."""
+    return {
+        name: [
+            _texts(variable)
+            for section in entry["sections"]
+            for variable in section["variables"]
+            if variable["kind"] != "struct"
+        ]
+        for name, entry in source["objects"].items()
+    }
+
+
 _ADDRESS_PARTS: Final = {
     "RID": ("DWORD", (1 << 32) - 1),
     "Area": ("BYTE", (1 << 8) - 1),
@@ -74,8 +95,8 @@ _ADDRESS_PARTS: Final = {
 
 
 def _rows(entry: dict[str, Any]) -> list[list[Any]]:
-    """Return the rows of a variable: one, or those of its parts where it is an address that can be
-    written.
+    """Return the rows of a variable: one, or those of its parts where it is
+    an address that can be written.
     """
     row = _variable(entry)
     if entry["data_type"] != "VREF" or entry["access"] == "RON":
@@ -170,8 +191,8 @@ def alarms(source: dict[str, Any]) -> dict[str, Any]:
 
 
 def _write(path: Path, content: dict[str, Any]) -> None:
-    """Write `content` with one line per row, so that a change of the data is readable as a change of
-    lines.
+    """Write `content` with one line per row, so that a change of the data is
+    readable as a change of lines.
     """
     text = json.dumps(content, ensure_ascii=False, separators=(",", ":"))
     text = re.sub(
@@ -185,9 +206,14 @@ def main() -> None:
     if len(sys.argv) != 3:
         raise SystemExit(__doc__)
     folder = Path(__file__).parent
-    made = (("to_variables", variables), ("technology_alarms", alarms))
-    for (name, convert), path in zip(made, sys.argv[1:], strict=True):
-        _write(folder / f"{name}.json", convert(yaml.safe_load(Path(path).read_text(encoding="utf-8"))))
+    made = (
+        (("to_variables", variables), ("variable_texts", variable_texts)),
+        (("technology_alarms", alarms),),
+    )
+    for files, path in zip(made, sys.argv[1:], strict=True):
+        source = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        for name, convert in files:
+            _write(folder / f"{name}.json", convert(source))
 
 
 if __name__ == "__main__":

@@ -36,8 +36,8 @@ class UnknownVariableError(VariableError):
 
 
 class VariableAccessError(VariableError):
-    """The access class of the variable does not permit this way of writing it; the message names the way that
-    works.
+    """The access class of the variable does not permit this way of writing it; the
+    message names the way that works.
     """
 
 
@@ -50,7 +50,7 @@ class ParameterError(VariableError):
         """ErrorID of the instruction."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Variable:
     """One variable of a technology object type, as defined by the system.
 
@@ -64,7 +64,7 @@ class Variable:
     """`DIR` direct, `CAL` on call of an instruction, `RES` restart, `RON` read only."""
     unit: str
     """Kind of unit (`velocity`, `position`, ...) or fixed unit (`1/min`, `percent`); empty without."""
-    initial: Any
+    initial: float
     """Start value of a new technology object."""
     minimum: float | None
     maximum: float | None
@@ -77,7 +77,7 @@ class Variable:
     vendor_default: bool
     """Whether `initial` is a default of the vendor; otherwise it is a choice of this product."""
 
-    def convert(self, path: str, value: object) -> Any:
+    def convert(self, path: str, value: object) -> float:
         """Return `value` as the data type stores it.
 
         Raises:
@@ -132,7 +132,7 @@ class Variable:
         return "any number" if low is None or high is None else f"{low:g} to {high:g}"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Parameter:
     """One parameter of `MC_WriteParameter`."""
 
@@ -175,7 +175,7 @@ def _define(  # noqa: PLR0917 - the columns of a row of the data file
     data_type: str,
     access: str,
     unit: str,
-    initial: Any,
+    initial: float,
     minimum: float | None,
     maximum: float | None,
     more: dict[str, Any] | None = None,
@@ -198,7 +198,7 @@ def _define(  # noqa: PLR0917 - the columns of a row of the data file
 
 
 def elements(variable: Variable) -> list[str]:
-    """Return the paths of a variable: one, or one for every element of the array that it stands in."""
+    """Return the paths of a variable: one, or one for every element of the array that it is in."""
     found = _ARRAY.search(variable.path)
     if found is None:
         return [variable.path]

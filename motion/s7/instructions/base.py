@@ -1,5 +1,5 @@
-"""Edge and level semantics that all `MC_` instructions share (sections 1.3 and 1.4 of the instruction
-specification).
+"""Edge and level semantics that all `MC_` instructions share (sections 1.3 and 1.4 of
+the instruction specification).
 
 An instance is called once per application cycle, like in a controller program. Its inputs are attributes with
 the names of the standard; a call may set them: `move(Execute=True, Position=100.0)`. Outputs are attributes
@@ -8,13 +8,14 @@ too and change only in a call (MC-075).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from typing_extensions import override
 
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import ConfigurationError, UnknownAttributeError, UnknownNameError
 from motion.s7.axis.jobs import ERROR_CONTROL_PANEL, ERROR_REFERENCE, NO_ERROR, Job, JobState
 from motion.s7.compatibility import check_instruction, level_of
+from motion.s7.instructions.texts import begun_text, ended_text, error_id_text, instance_text
 
 if TYPE_CHECKING:
     from motion.s7.axis.axis import TechnologyAxis
@@ -41,7 +42,7 @@ class Instruction:
     """
 
     instruction: ClassVar[str] = ""
-    inputs: ClassVar[dict[str, Any]] = {}
+    inputs: ClassVar[dict[str, float]] = {}
     """Names and defaults of the inputs."""
     object_types: ClassVar[tuple[str, ...]] = ("SpeedAxis", "PositioningAxis")
     Execute: bool = False
@@ -49,7 +50,7 @@ class Instruction:
     master: object | None = None
     """The control panel that the instance belongs to; None = to the user program."""
 
-    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: float) -> None:
         if axis.object_type == "ExternalEncoder" and self._wrong_object(axis):
             raise ConfigurationError(
                 f"{self.instruction}.Axis", axis.name, f"one of {', '.join(self.object_types)}"
@@ -66,23 +67,33 @@ class Instruction:
             setattr(self, key, value)
         self.set(**inputs)
 
-    def set(self, **inputs: Any) -> None:
-        """Assign inputs; they act at the next call."""
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> object:
+            """Name outputs and inputs that are similar to one that the instruction does not have."""
+            raise UnknownAttributeError(self, name, what=self.instruction)
+
+    def set(self, **inputs: float) -> None:
+        """Assign inputs; they act at the next call.
+
+        Raises:
+            ConfigurationError: The instruction does not have the input. What is no value for it is an error
+                of the instruction, with its ErrorID, at the next call.
+
+        """
         for key, value in inputs.items():
             if key not in self.inputs:
-                allowed = ", ".join(self.inputs)
-                raise ConfigurationError(f"{self.instruction}.{key}", value, f"one of the inputs {allowed}")
+                raise UnknownNameError(self.instruction, key, "an input", self.inputs)
             if key in self._absent:
                 self._refuse(key, value)
             setattr(self, key, value)
 
     def warm_restart(self) -> None:
-        """Start again after a warm restart of the controller: nothing is started, outputs and memory are as
-        at
-        the beginning.
+        """Start again after a warm restart of the controller: nothing is started, outputs and
+        memory are as at the beginning.
 
-        The inputs that start something fall to FALSE; the others, which a program gives with every call,
-        stay.
+        The inputs that start something fall to FALSE; the others, which a
+        program gives with every call, stay.
         """
         kept = {
             key: getattr(self, key) for key in self.inputs if key not in _STARTERS and key not in self._absent
@@ -100,12 +111,12 @@ class Instruction:
 
     @property
     def dormant(self) -> bool:
-        """Whether calls change nothing until `Execute` falls, so that a runtime need not call the
-        instance.
+        """Whether calls change nothing until `Execute` falls, so that a
+        runtime need not call the instance.
         """
         return False
 
-    def __call__(self, **inputs: Any) -> None:
+    def __call__(self, **inputs: float) -> None:
         """Call the instance once."""
         if inputs:
             self.set(**inputs)
@@ -132,6 +143,22 @@ class Instruction:
                 self.axis.name, "job.error", job=self.name, instruction=self.instruction, error_id=error_id
             )
 
+    def summary(self) -> str:
+        """Return the instance, how it stands, and why: `MC_Home_1 of z ended with
+        16#8001: alarm 521 at 0.378 s`.
+        """
+        return f"{instance_text(self.name, self.axis.name)} {self._standing()}"
+
+    def __repr__(self) -> str:
+        return f"<{self.summary()}>"
+
+    def _standing(self) -> str:
+        """Return how the instance stands, as the rest of a sentence about it."""
+        if self.Error:
+            alarms = [alarm.number for alarm in self.axis.engine.pending if alarm.reaction]
+            return f"shows {error_id_text(self.ErrorID, alarms)}"
+        return "is busy" if self.Busy else "is not busy"
+
     # -- outputs as predicates, for `run_until`
     # ---------------------------------------------------------------
 
@@ -145,11 +172,11 @@ class Instruction:
 
 
 class ExecuteInstruction(Instruction):
-    """Started by a rising edge of `Execute`; ends in exactly one of Done, CommandAborted, Error (MC-052 to
-    MC-070).
+    """Started by a rising edge of `Execute`; ends in exactly one of Done,
+    CommandAborted, Error (MC-052 to MC-070).
     """
 
-    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: float) -> None:
         self.Execute = False
         self.Done = False
         self.CommandAborted = False
@@ -216,6 +243,15 @@ class ExecuteInstruction(Instruction):
         else:
             self.Error = True
             self.ErrorID = job.error_id
+
+    @override
+    def _standing(self) -> str:
+        history, name = self.axis.history, self.name
+        if self._terminal:
+            return ended_text(history, name, self.axis.name, self.ErrorID)
+        if self.Busy:
+            return begun_text(history, name)
+        return "has not been called yet" if self.Execute and not self._last_execute else "is not started"
 
     @property
     @override

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from motion.s7.axis.control_words import STW1_MASK, STW2_MASK
 from motion.s7.axis.jobs import ERROR_ALARM, ERROR_STW_MASK, ERROR_UNSPECIFIED, Job, JobClass
@@ -17,13 +17,12 @@ def _is_word(value: object) -> bool:
 class MC_SetAxisSTW(ExecuteInstruction):
     """Set bits of control words 1 and 2 that the technology object does not use itself.
 
-    Inputs: `Execute`; `STW1`, `STW2`, values; `STW1BitMask` (of 16#FB00), `STW2BitMask` (of 16#0FFF),
-        which bits are meant.
-    The bits stay until another instance changes them or the object restarts.
+    Inputs: `Execute`; `STW1`, `STW2`, values; `STW1BitMask` (of 16#FB00), `STW2BitMask` (of 16#0FFF), which
+    bits are meant. The bits stay until another instance changes them or the object restarts.
     """
 
     instruction = "MC_SetAxisSTW"
-    inputs: ClassVar[dict[str, Any]] = {
+    inputs: ClassVar[dict[str, float]] = {
         "Execute": False, "STW1": 0, "STW1BitMask": 0, "STW2": 0, "STW2BitMask": 0,
     }  # fmt: skip
     STW1: int

@@ -26,8 +26,8 @@ _SMALLEST: Final = 1e-12
 
 
 def is_whole(value: object) -> bool:
-    """Return whether an input can be a mode or a number of something: of a type that tables can be asked
-    for.
+    """Return whether an input can be a mode or a number of something: of a
+    type that tables can be asked for.
     """
     return isinstance(value, int)
 
@@ -43,7 +43,7 @@ def is_number(value: object, limit: float = POSITION_LIMIT) -> bool:
     return isfinite(number) and abs(number) <= limit
 
 
-def _value(axis: TechnologyAxis, given: Any, default: str, *, zero: bool) -> float | None:
+def _value(axis: TechnologyAxis, given: float, default: str, *, zero: bool) -> float | None:
     """Return the resolved value, or None where it is not allowed."""
     if not is_number(given):
         return None

@@ -47,26 +47,25 @@ class MC_Home(ExecuteInstruction):
     """Relate the position of a technology object to the machine.
 
     Inputs: `Execute`; `Position`, axis unit; `Mode`: 0 and 1 direct (absolute, relative), 2, 8 and 10
-        passive, 3 and 5 active,
-    9 ends a passive homing, 6 and 7 absolute encoder, 11 and 12 position setpoint, 13 incremental encoder;
-    `Sensor`: encoder for modes 6, 7 and 13, 0 = the operative one. Outputs: `ReferenceMarkPosition`, axis
-    unit, and the common ones.
+    passive, 3 and 5 active, 9 ends a passive homing, 6 and 7 absolute encoder, 11 and 12 position setpoint,
+    13 incremental encoder; `Sensor`: encoder for modes 6, 7 and 13, 0 = the operative one. Outputs:
+    `ReferenceMarkPosition`, axis unit, and the common ones.
     """
 
     instruction = "MC_Home"
     object_types = ("PositioningAxis", "ExternalEncoder")
-    inputs: ClassVar[dict[str, Any]] = {"Execute": False, "Position": 0.0, "Mode": 0, "Sensor": 0}
+    inputs: ClassVar[dict[str, float]] = {"Execute": False, "Position": 0.0, "Mode": 0, "Sensor": 0}
     Position: float
     Mode: int
     Sensor: int
     axis: PositioningAxis | ExternalEncoder  # type: ignore[assignment]
 
-    def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
+    def __init__(self, axis: Any, *, name: str | None = None, **inputs: float) -> None:
         self.ReferenceMarkPosition = 0.0
         self._reference = 0.0
         self.dynamics: tuple[float, float, float] | None = None
-        """Acceleration, deceleration, jerk of active homing, axis units; None = the dynamic defaults
-        (COM-042).
+        """Acceleration, deceleration, jerk of active homing, axis units; None =
+        the dynamic defaults (COM-042).
         """
         super().__init__(axis, name=name, **inputs)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from motion.s7.axis.jobs import (
     ERROR_DIRECTION,
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 class MC_MoveJog(Instruction):
     """Move while an input is TRUE; changed inputs act at the next call.
 
-    Inputs: `JogForward`, `JogBackward`; `Velocity` (its absolute value), `Acceleration`, `Deceleration`,
-        `Jerk`;
+    Inputs: `JogForward`, `JogBackward`; `Velocity` (its absolute value),
+        `Acceleration`, `Deceleration`, `Jerk`;
     `PositionControlled`. Outputs: `InVelocity`, `Busy`, `CommandAborted`, `Error`, `ErrorID`.
     """
 
     instruction = "MC_MoveJog"
-    inputs: ClassVar[dict[str, Any]] = {
+    inputs: ClassVar[dict[str, float]] = {
         "JogForward": False, "JogBackward": False, "Velocity": 100.0, "Acceleration": DEFAULT,
         "Deceleration": DEFAULT, "Jerk": DEFAULT, "PositionControlled": True,
     }  # fmt: skip
@@ -40,7 +40,7 @@ class MC_MoveJog(Instruction):
     Jerk: float
     PositionControlled: bool
 
-    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: float) -> None:
         self.InVelocity = False
         self.CommandAborted = False
         self._job: Job | None = None
@@ -48,10 +48,10 @@ class MC_MoveJog(Instruction):
         """An error or an abort is shown until both inputs are FALSE."""
         self._inputs_fell = False
         """Both inputs were FALSE when the job ended: the next TRUE is a new command."""
-        self._given: tuple[Any, ...] = ()
+        self._given: tuple[float, ...] = ()
         super().__init__(axis, name=name, **inputs)
 
-    def _inputs(self) -> tuple[Any, ...]:
+    def _inputs(self) -> tuple[float, ...]:
         return (
             self.JogForward,
             self.JogBackward,

@@ -2,13 +2,13 @@
 specification, §5.14).
 
 The user program gives the setpoints itself, one vector per application cycle; the axis forms no profile and
-applies no dynamic limit. A vector that a call hands over acts in the next cycle of the axis, and goes on to
+applies no dynamic limit. A vector that a call hands over acts in the next cycle of the axis, and continues to
 act until another one comes.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from motion.s7.axis.jobs import (
     ERROR_ACCELERATION,
@@ -46,15 +46,15 @@ class _MotionIn(Instruction):
     """Inputs of the vector, with the ErrorID of one that is not permitted."""
     Enable: bool
 
-    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: float) -> None:
         self.CommandAborted = False
         self._job: Job | None = None
         self._last_enable = False
         super().__init__(axis, name=name, **inputs)
 
     def _vector(self, job: Job) -> int:
-        """Put the inputs into `job`; returns the ErrorID of one that is not permitted, and changes nothing
-        then.
+        """Put the inputs into `job`; returns the ErrorID of one that is not
+        permitted, and changes nothing then.
         """
         for name, error in self.numbers.items():
             if not is_number(getattr(self, name), POSITION_LIMIT):
@@ -126,12 +126,12 @@ class MC_MotionInVelocity(_MotionIn):
     """Give velocity setpoints cycle by cycle (MC-481 to MC-490).
 
     Inputs: `Enable`; `Velocity`, velocity unit of the axis; `Acceleration`, axis unit per second squared,
-        from which a job that takes
-    over starts; `PositionControlled`. When `Enable` falls both setpoints are 0.0 at once.
+    from which a job that takes over starts; `PositionControlled`. When `Enable` falls both setpoints are 0.0
+    at once.
     """
 
     instruction = "MC_MotionInVelocity"
-    inputs: ClassVar[dict[str, Any]] = {
+    inputs: ClassVar[dict[str, float]] = {
         "Enable": False, "Velocity": 0.0, "Acceleration": 0.0, "PositionControlled": True,
     }  # fmt: skip
     numbers: ClassVar[dict[str, int]] = {"Velocity": ERROR_VELOCITY, "Acceleration": ERROR_ACCELERATION}
@@ -152,15 +152,14 @@ class MC_MotionInPosition(_MotionIn):
     to MC-500).
 
     Inputs: `Enable`; `Position`, axis unit, on a modulo axis a place in its range that is reached on the
-        shortest way;
-    `Velocity`, velocity unit of the axis, which is precontrolled as it is given; `Acceleration`, axis unit
-    per second squared. When
-    `Enable` falls, velocity and acceleration are 0.0 at once and the position stays.
+    shortest way; `Velocity`, velocity unit of the axis, which is precontrolled as it is given;
+    `Acceleration`, axis unit per second squared. When `Enable` falls, velocity and acceleration are 0.0 at
+    once and the position stays.
     """
 
     instruction = "MC_MotionInPosition"
     object_types = ("PositioningAxis",)
-    inputs: ClassVar[dict[str, Any]] = {
+    inputs: ClassVar[dict[str, float]] = {
         "Enable": False, "Position": 0.0, "Velocity": 0.0, "Acceleration": 0.0,
     }  # fmt: skip
     numbers: ClassVar[dict[str, int]] = {
@@ -183,8 +182,7 @@ class MC_MotionInSuperimposed(_MotionIn):
     """Give a distance on top of the basic motion cycle by cycle (MC-501 to MC-511).
 
     Inputs: `Enable`; `Distance`, axis unit, signed, counted from where the instance has taken over;
-        `VelocityDiff`,
-    velocity unit of the axis; `AccelerationDiff`, axis unit per second squared, from which
+    `VelocityDiff`, velocity unit of the axis; `AccelerationDiff`, axis unit per second squared, from which
     `MC_HaltSuperimposed` starts. When `Enable` falls the distance stays. The axis has to be
     position-controlled (16#8071).
     """
@@ -192,7 +190,7 @@ class MC_MotionInSuperimposed(_MotionIn):
     instruction = "MC_MotionInSuperimposed"
     object_types = ("PositioningAxis",)
     job_class = JobClass.SUPERIMPOSED
-    inputs: ClassVar[dict[str, Any]] = {
+    inputs: ClassVar[dict[str, float]] = {
         "Enable": False, "Distance": 0.0, "VelocityDiff": 0.0, "AccelerationDiff": 0.0,
     }  # fmt: skip
     numbers: ClassVar[dict[str, int]] = {

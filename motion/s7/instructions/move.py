@@ -1,10 +1,10 @@
-"""`MC_MoveAbsolute`, `MC_MoveRelative`, `MC_MoveVelocity` (sections 2.5 to 2.7 of the instruction
-specification).
+"""`MC_MoveAbsolute`, `MC_MoveRelative`, `MC_MoveVelocity` (sections 2.5 to 2.7 of
+the instruction specification).
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from motion.s7.axis.jobs import (
     ERROR_ALARM,
@@ -46,13 +46,13 @@ class _Positioning(ExecuteInstruction):
     Jerk: float
     BufferMode: int
 
-    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: float) -> None:
         self._shows_active = level_of(axis.cpu).has_output(self.instruction, "Active")
         if self._shows_active:
             self.Active = False
         super().__init__(axis, name=name, **inputs)
 
-    def _prepare(self, **facts: Any) -> Job | int:
+    def _prepare(self) -> Job | int:
         """Return the job with its inputs resolved, not yet handed over."""
         if self.BufferMode not in (0, 1):
             return ERROR_MODE
@@ -62,8 +62,6 @@ class _Positioning(ExecuteInstruction):
             return error
         job.append = self.BufferMode == 1
         job.position_controlled = True
-        for key, value in facts.items():
-            setattr(job, key, value)
         return job
 
     def _clear(self) -> None:
@@ -81,13 +79,13 @@ class MC_MoveAbsolute(_Positioning):
     """Move to an absolute position.
 
     Inputs: `Execute`; `Position`, axis unit; `Velocity`, `Acceleration`, `Deceleration`, `Jerk`
-        (negative: dynamic
-    default); `BufferMode` 0 abort, 1 append; `Direction` on modulo axes 1 positive, 2 negative, 3 shortest
-    way. Outputs: `Active` and the common ones. An axis that is not homed answers with alarm 321 (MC-246).
+    (negative: dynamic default); `BufferMode` 0 abort, 1 append; `Direction` on modulo axes 1 positive,
+    2 negative, 3 shortest way. Outputs: `Active` and the common ones. An axis that is not homed
+    answers with alarm 321 (MC-246).
     """
 
     instruction = "MC_MoveAbsolute"
-    inputs: ClassVar[dict[str, Any]] = {
+    inputs: ClassVar[dict[str, float]] = {
         "Execute": False, "Position": 0.0, "Velocity": DEFAULT, **_DYNAMICS, "BufferMode": 0, "Direction": 1,
     }  # fmt: skip
     Position: float
@@ -100,9 +98,11 @@ class MC_MoveAbsolute(_Positioning):
         direction = self.Direction if axis.modulo.enabled else 0
         if axis.modulo.enabled and direction not in (1, 2, 3):
             return ERROR_DIRECTION
-        job = self._prepare(target=float(self.Position), direction=direction)
+        job = self._prepare()
         if isinstance(job, int):
             return job
+        job.target = float(self.Position)
+        job.direction = direction
         if not axis.homed and not axis.alarms.blocking and axis.state in ACCEPTS_MOTION:
             axis.alarms.raise_alarm(ALARM_NOT_HOMED)
             return ERROR_ALARM
@@ -117,7 +117,7 @@ class MC_MoveRelative(_Positioning):
     """
 
     instruction = "MC_MoveRelative"
-    inputs: ClassVar[dict[str, Any]] = {
+    inputs: ClassVar[dict[str, float]] = {
         "Execute": False, "Distance": 0.0, "Velocity": DEFAULT, **_DYNAMICS, "BufferMode": 0,
     }  # fmt: skip
     Distance: float
@@ -128,9 +128,11 @@ class MC_MoveRelative(_Positioning):
         distance = float(self.Distance)
         if abs(distance) < _LEAST_NANOMETRES and self.axis.variables.read("Units.LengthUnit") == NANOMETRE:
             distance = 0.0
-        job = self._prepare(relative=True, distance=distance)
+        job = self._prepare()
         if isinstance(job, int):
             return job
+        job.relative = True
+        job.distance = distance
         return self.axis.motion.submit(job) or job
 
 
@@ -143,7 +145,7 @@ class MC_MoveVelocity(ExecuteInstruction):
     """
 
     instruction = "MC_MoveVelocity"
-    inputs: ClassVar[dict[str, Any]] = {
+    inputs: ClassVar[dict[str, float]] = {
         "Execute": False, "Velocity": 100.0, **_DYNAMICS, "Direction": 0, "Current": False,
         "PositionControlled": True,
     }  # fmt: skip
@@ -152,7 +154,7 @@ class MC_MoveVelocity(ExecuteInstruction):
     Current: bool
     PositionControlled: bool
 
-    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: float) -> None:
         self.InVelocity = False
         super().__init__(axis, name=name, **inputs)
 

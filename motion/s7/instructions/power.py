@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Final
 
+from typing_extensions import override
+
 from motion.s7.axis.jobs import (
     ERROR_ALARM,
     ERROR_CONTROL_PANEL,
@@ -14,6 +16,11 @@ from motion.s7.axis.jobs import (
 )
 from motion.s7.instructions.base import Instruction
 
+
+def _bool(value: object) -> str:
+    return "TRUE" if value else "FALSE"
+
+
 _STOP_MODES: Final = (0, 1, 2, 3)
 _START_MODES: Final = (0, 1)
 
@@ -21,20 +28,20 @@ _START_MODES: Final = (0, 1)
 class MC_Power(Instruction):
     """Enable and disable a technology object.
 
-    Inputs: `Enable`; `StartMode` 0 without, 1 with position control; `StopMode` 0 emergency stop, 1 quick
-        stop,
+    Inputs: `Enable`; `StartMode` 0 without, 1 with position control; `StopMode`
+        0 emergency stop, 1 quick stop,
     2 maximum dynamic values, 3 coast. Outputs: `Status`, `Busy`, `Error`, `ErrorID`. An external encoder has
     neither mode: it is enabled as soon as its value is valid.
     """
 
     instruction = "MC_Power"
     object_types = ("SpeedAxis", "PositioningAxis", "ExternalEncoder")
-    inputs: ClassVar[dict[str, Any]] = {"Enable": False, "StartMode": 1, "StopMode": 0}
+    inputs: ClassVar[dict[str, float]] = {"Enable": False, "StartMode": 1, "StopMode": 0}
     Enable: bool
     StartMode: int
     StopMode: int
 
-    def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
+    def __init__(self, axis: Any, *, name: str | None = None, **inputs: float) -> None:
         self.Status = False
         self._stale = False
         """`Enable` has been TRUE while a control panel had the axis: it takes a new edge (COM-072)."""
@@ -73,8 +80,8 @@ class MC_Power(Instruction):
     def _call_with_wrong_mode(self, enable: bool) -> int:
         """Enable or disable with a mode that does not exist; returns the ErrorID.
 
-        A wrong mode prevents the enabling, never the disabling; the start mode matters only at the rising
-        edge.
+        A wrong mode prevents the enabling, never the disabling; the start mode
+        matters only at the rising edge.
         """
         axis = self.axis
         enabling = axis.enabling
@@ -93,6 +100,11 @@ class MC_Power(Instruction):
     def _fail(self, error_id: int) -> None:
         self.Error = True
         self.ErrorID = error_id
+
+    @override
+    def _standing(self) -> str:
+        words = f"has Enable {_bool(self.Enable)}, Status {_bool(self.Status)}"
+        return f"{words}, and {super()._standing()}" if self.Error else words
 
     def status(self) -> bool:
         """Return `Status`."""

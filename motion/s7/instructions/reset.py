@@ -22,11 +22,11 @@ class MC_Reset(Instruction):
 
     instruction = "MC_Reset"
     object_types = ("SpeedAxis", "PositioningAxis", "ExternalEncoder")
-    inputs: ClassVar[dict[str, Any]] = {"Execute": False, "Restart": False}
+    inputs: ClassVar[dict[str, float]] = {"Execute": False, "Restart": False}
     Execute: bool
     Restart: bool
 
-    def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
+    def __init__(self, axis: Any, *, name: str | None = None, **inputs: float) -> None:
         self.Done = False
         self.CommandAborted = False
         self._last_execute = False

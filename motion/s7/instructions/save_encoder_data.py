@@ -34,9 +34,8 @@ class SavingController(Protocol):
 class MC_SaveAbsoluteEncoderData:
     """Save the adjustment of all absolute encoders of the controller to its memory card.
 
-    Input: `Execute`. Outputs: `Done`, `Busy`, `Error`, `ErrorID`. It has no axis; two instances may
-        exist, one save runs at a
-    time and takes a cycle.
+    Input: `Execute`. Outputs: `Done`, `Busy`, `Error`, `ErrorID`. It has no axis; two instances may exist,
+    one save runs at a time and takes a cycle.
 
     Args:
         runtime: The controller.
@@ -86,8 +85,8 @@ class MC_SaveAbsoluteEncoderData:
             self.ErrorID = NO_ERROR
 
     def warm_restart(self) -> None:
-        """Start again after a warm restart of the controller: nothing runs, outputs are as at the
-        beginning.
+        """Start again after a warm restart of the controller: nothing runs,
+        outputs are as at the beginning.
         """
         self._last = False
         self.Execute = self.Done = self.Busy = self.Error = False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from motion.kernel.feedback import VALID
 from motion.s7.axis.axis import SWITCH_BUMPLESS, TRANSFER_FROM
@@ -37,7 +37,7 @@ class MC_SetSensor(ExecuteInstruction):
 
     instruction = "MC_SetSensor"
     object_types = ("PositioningAxis",)
-    inputs: ClassVar[dict[str, Any]] = {"Execute": False, "Sensor": 1, "Mode": 0, "ReferenceSensor": 1}
+    inputs: ClassVar[dict[str, float]] = {"Execute": False, "Sensor": 1, "Mode": 0, "ReferenceSensor": 1}
     Sensor: int
     Mode: int
     ReferenceSensor: int

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from motion.s7.axis.jobs import ERROR_MODE, Job, JobClass
 from motion.s7.instructions.base import DEFAULT, ExecuteInstruction
@@ -12,13 +12,12 @@ from motion.s7.instructions.dynamics import resolve
 class MC_Halt(ExecuteInstruction):
     """Brake to standstill; other motion jobs may take over at any time.
 
-    Inputs: `Execute`; `Deceleration`, `Jerk` (negative: dynamic default); `AbortAcceleration`; `Mode` 0
-        basic and
-    superimposed motion, 1 basic motion only.
+    Inputs: `Execute`; `Deceleration`, `Jerk` (negative: dynamic default); `AbortAcceleration`; `Mode` 0 basic
+    and superimposed motion, 1 basic motion only.
     """
 
     instruction = "MC_Halt"
-    inputs: ClassVar[dict[str, Any]] = {
+    inputs: ClassVar[dict[str, float]] = {
         "Execute": False, "Deceleration": DEFAULT, "Jerk": DEFAULT, "AbortAcceleration": False, "Mode": 0,
     }  # fmt: skip
     Deceleration: float
@@ -44,12 +43,12 @@ class MC_Halt(ExecuteInstruction):
 class MC_Stop(ExecuteInstruction):
     """Stop the axis and lock it against motion jobs while `Execute` is TRUE.
 
-    Inputs: `Execute`; `Mode` 0 emergency stop, 2 maximum dynamic values, 3 `Deceleration` and `Jerk`;
-    `AbortAcceleration`.
+    Inputs: `Execute`; `Mode` 0 emergency stop, 2 maximum dynamic values, 3 `Deceleration`
+    and `Jerk`; `AbortAcceleration`.
     """
 
     instruction = "MC_Stop"
-    inputs: ClassVar[dict[str, Any]] = {
+    inputs: ClassVar[dict[str, float]] = {
         "Execute": False, "Mode": 0, "Deceleration": DEFAULT, "Jerk": DEFAULT, "AbortAcceleration": False,
     }  # fmt: skip
     Mode: int

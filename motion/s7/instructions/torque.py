@@ -1,10 +1,10 @@
-"""`MC_TorqueAdditive`, `MC_TorqueRange`, `MC_TorqueLimiting` (section 2.17 of the instruction
-specification).
+"""`MC_TorqueAdditive`, `MC_TorqueRange`, `MC_TorqueLimiting` (section 2.17 of
+the instruction specification).
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from motion.s7.axis.jobs import (
     ERROR_ADDITIVE_TORQUE,
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 
 class _EnableInstruction(Instruction):
-    """Level-controlled: active while `Enable` is TRUE, from an edge on; no job aborts it (MC-082 to MC-085,
-    MC-124).
+    """Level-controlled: active while `Enable` is TRUE, from an edge on; no job aborts
+    it (MC-082 to MC-085, MC-124).
     """
 
     Enable: bool
 
-    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: float) -> None:
         self._active = False
         self._last_enable = False
         super().__init__(axis, name=name, **inputs)
@@ -52,7 +52,7 @@ class _EnableInstruction(Instruction):
         if rising:
             self.Error = False
             self.ErrorID = NO_ERROR
-            # An instance whose end was refused (clamped axis) is still active and goes on.
+            # An instance whose end was refused (clamped axis) is still active and continues.
             error = NO_ERROR if self._active else self._refused() or self._begin()
             if error:
                 self._fail(error)
@@ -87,13 +87,12 @@ class _EnableInstruction(Instruction):
 class MC_TorqueAdditive(_EnableInstruction):
     """Add a torque to the one that the speed controller of the drive demands.
 
-    Inputs: `Enable`; `Value`, in the torque unit (linear motor: force unit), -1.0E12..1.0E12. Needs
-        telegram 750 and an
-    enabled axis without `MC_Stop`.
+    Inputs: `Enable`; `Value`, in the torque unit (linear motor: force unit), -1.0E12..1.0E12. Needs telegram
+    750 and an enabled axis without `MC_Stop`.
     """
 
     instruction = "MC_TorqueAdditive"
-    inputs: ClassVar[dict[str, Any]] = {"Enable": False, "Value": 0.0}
+    inputs: ClassVar[dict[str, float]] = {"Enable": False, "Value": 0.0}
     Value: float
 
     def _begin(self) -> int:
@@ -112,12 +111,11 @@ class MC_TorqueRange(_EnableInstruction):
     """Limit the torque of the drive to a range.
 
     Inputs: `Enable`; `UpperLimit`, `LowerLimit`, in the torque unit (linear motor: force unit),
-        -1.0E12..1.0E12. Needs
-    telegram 750; excludes `MC_TorqueLimiting`.
+    -1.0E12..1.0E12. Needs telegram 750; excludes `MC_TorqueLimiting`.
     """
 
     instruction = "MC_TorqueRange"
-    inputs: ClassVar[dict[str, Any]] = {
+    inputs: ClassVar[dict[str, float]] = {
         "Enable": False, "UpperLimit": TORQUE_RANGE, "LowerLimit": -TORQUE_RANGE,
     }  # fmt: skip
     UpperLimit: float
@@ -142,16 +140,15 @@ class MC_TorqueLimiting(_EnableInstruction):
     """Limit the torque of the drive in both directions, and detect a fixed stop.
 
     Inputs: `Enable`; `Limit`, in the torque or force unit, below 0 the default of the technology object;
-        `Mode` 0 limiting, 1 with
-    fixed-stop detection. Outputs: `InLimitation`, `InClamping`.
+    `Mode` 0 limiting, 1 with fixed-stop detection. Outputs: `InLimitation`, `InClamping`.
     """
 
     instruction = "MC_TorqueLimiting"
-    inputs: ClassVar[dict[str, Any]] = {"Enable": False, "Limit": -1.0, "Mode": 0}
+    inputs: ClassVar[dict[str, float]] = {"Enable": False, "Limit": -1.0, "Mode": 0}
     Limit: float
     Mode: int
 
-    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: float) -> None:
         self.InLimitation = False
         self.InClamping = False
         super().__init__(axis, name=name, **inputs)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Final
+from typing import ClassVar, Final
 
 from motion.s7.axis.axis import TechnologyAxis
 from motion.s7.axis.jobs import ERROR_DIRECT_CONNECTION, ERROR_LIMIT_SWITCH, ERROR_STATE, Job, JobClass
@@ -21,17 +21,16 @@ class MC_WriteParameter(ExecuteInstruction):
     """Write a parameter of a technology object while the program runs.
 
     Inputs: `Execute`; `ParameterNumber` 1000 `PositionLimits_HW.Active` and 1020
-        `Actor.RemoveEnableReaction`, which act at
-    once; 1010, 1011, 1012 T_i, T_o, T_DC in s, which act after a restart and only where the connection goes
-    through a data block (CFG-272); `Value`. Outputs: the common ones. 1000 cannot become TRUE while a limit
-    switch is a variable that does not exist (16#805B, LIM-072).
+    `Actor.RemoveEnableReaction`, which act at once; 1010, 1011, 1012 T_i, T_o, T_DC in s, which act after a
+    restart and only where the connection goes through a data block (CFG-272); `Value`. Outputs: the common
+    ones. 1000 cannot become TRUE while a limit switch is a variable that does not exist (16#805B, LIM-072).
     """
 
     instruction = "MC_WriteParameter"
     object_types = ("SpeedAxis", "PositioningAxis", "ExternalEncoder")
-    inputs: ClassVar[dict[str, Any]] = {"Execute": False, "ParameterNumber": 0, "Value": 0}
+    inputs: ClassVar[dict[str, float]] = {"Execute": False, "ParameterNumber": 0, "Value": 0}
     ParameterNumber: int
-    Value: Any
+    Value: float
 
     def _start(self) -> Job | int:
         axis = self.axis

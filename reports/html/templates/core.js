@@ -31,6 +31,7 @@ const icon = (name) => s("svg", { class: "icon", "aria-hidden": "true" }, s("use
 const verdictTag = (verdict) => h("span.verdict.v-" + verdict, null, icon(verdict), verdict);
 const readJson = (id) => JSON.parse($("#" + id).textContent);
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
 const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
 
 /** Seconds with 0.1 ms, the finest step that matters between two bus cycles. */
@@ -182,13 +183,24 @@ const loadScript = (name) => new Promise((done, fail) => {
   document.head.append(script);
 });
 
-/** The data of a case: at once where it stands in the page, else a promise. */
-function caseData(place) {
-  if (!FOLDER) return readJson("data-case-" + place);
+/** Unpack JSON that was deflated and written in base 64. */
+async function unpacked(text) {
+  if (!window.DecompressionStream) throw new Error("this browser cannot unpack the data: it needs Chromium 80, Firefox 113, Safari 16.4 or later; junit.xml, summary.json and cases.csv beside the page can be read with anything");
+  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).json();
+}
+const readPacked = (id) => unpacked($("#" + id).textContent);
+
+/** The data of a case, from the page or from beside it. */
+async function caseData(place) {
+  if (!FOLDER) return readPacked("data-case-" + place);
   let found = null;
-  arriving.set(place, (value) => { found = value; });
-  return loadScript(`${place}.js`).then(() => {
-    if (!found) throw new Error(`${FOLDER}/${place}.js belongs to another report`);
-    return found;
-  }).finally(() => arriving.delete(place));
+  arriving.set(place, (text) => { found = text; });
+  try {
+    await loadScript(`${place}.js`);
+  } finally {
+    arriving.delete(place);
+  }
+  if (!found) throw new Error(`${FOLDER}/${place}.js belongs to another report`);
+  return unpacked(found);
 }

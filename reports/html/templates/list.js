@@ -42,15 +42,20 @@ function duration(value) {
   return value >= 1 ? value.toFixed(2) + " s" : value ? (value * 1000).toFixed(0) + " ms" : "0 s";
 }
 
+/** Columns that the words of a case may take: the others are hidden in a narrow window (case.css). */
+const COLUMN_LIMITS = [matchMedia("(min-width: 901px)"), matchMedia("(min-width: 1101px)")];
+const wordColumns = () => 1 + COLUMN_LIMITS.filter((limit) => limit.matches).length;
+
 function listRow(place, position) {
   const entry = INDEX[place];
   const several = (values) => values.map((value) => h("span", { title: value }, value));
+  const happened = entry.fl.length + entry.al.length > 0; // the words of other cases take the empty columns, too
   return h("tr.row-" + entry.v, { "data-i": place, "aria-rowindex": position + 2 },
     h("td.c-v", null, verdictTag(entry.v)),
-    h("td.c-case", null,
+    h("td.c-case", { colspan: happened ? null : wordColumns() },
       h("div.line", null, h("a.id", { href: caseLink(entry.id) }, entry.id), entry.c && h("span.change", null, entry.c), entry.t && h("span.title", { title: entry.t }, entry.t)),
       entry.h && h("span.head", null, entry.h)),
-    h("td.c-fault", null, several(entry.fl)), h("td.c-alarm", null, several(entry.al)),
+    happened && [h("td.c-fault", null, several(entry.fl)), h("td.c-alarm", null, several(entry.al))],
     h("td.num.c-time", null, duration(entry.s)), h("td.num.c-time", null, duration(entry.w)));
 }
 
@@ -130,6 +135,12 @@ function walkList(step) {
 }
 
 function setUpList() {
+  for (const limit of COLUMN_LIMITS) {
+    limit.addEventListener("change", () => {
+      listShown = null;
+      if (readHash().view === "cases") showList(readHash().query);
+    });
+  }
   const clear = () => changeList({ q: "", v: "", g: "", tag: "", f: "", r: "", s: "", m: "", c: "" });
   $("#f-clear").addEventListener("click", clear);
   $("#f-clear2").addEventListener("click", clear);

@@ -3,7 +3,7 @@ let listHash = "#/cases";
 let present = null;
 let listScroll = 0;
 
-function route() {
+async function route() {
   const asked = location.hash;
   let { view, argument, query } = readHash();
   if (!$("#view-" + view)) [view, argument, query] = ["cases", "", new URLSearchParams()];
@@ -19,12 +19,12 @@ function route() {
     scrollTo(0, present?.view === "case" ? listScroll : 0);
     if (present?.view === "case") linkInList(PLACE.get(present.argument))?.focus({ preventScroll: true });
   } else scrollTo(0, 0);
-  if (view === "case") {
-    openCase(argument, query);
-  } else closeCase();
-  if (view === "requirements") showRequirements(query);
-  if (view === "coverage") showCoverage(query);
   present = { view, argument };
+  if (view === "coverage") showCoverage(query);
+  if (view === "requirements") await showRequirements(query);
+  if (view === "case") await openCase(argument, query);
+  else closeCase();
+  if (location.hash.split("?")[0] !== asked.split("?")[0]) return; // the reader is somewhere else by now
   document.title = (view === "case" ? argument + " – " : "") + TITLE;
   document.documentElement.dataset.shown = asked;
 }
@@ -54,7 +54,7 @@ document.addEventListener("keydown", (event) => {
   }
 });
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-  if (!opened) return;
+  if (!opened || printing) return;
   const { view, argument, query } = readHash();
   if (view === "case") openCase(argument, query);
 });
@@ -62,6 +62,7 @@ const print = (on) => {
   printing = on;
   document.documentElement.classList.toggle("printing", on);
   if (on) opened?.buildAll();
+  if (on && opened) shortenForPaper(opened.data);
   if (on && present?.view === "cases") growList(Infinity);
   opened?.plot?.render();
 };

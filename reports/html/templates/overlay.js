@@ -1,5 +1,56 @@
 // What lies over the curves: faults, alarms and checks as rows of events and as marks in the panels, states as lanes.
-const textWidth = (text) => text.length * 6 + 6;
+const pen = document.createElement("canvas").getContext("2d");
+pen.font = `10.5px ${FONT}`;
+const widths = new Map();
+
+/** Width of a label, px, with a little room around it. */
+function textWidth(text) {
+  if (!widths.has(text)) {
+    if (widths.size > 5000) widths.clear();
+    widths.set(text, pen.measureText(text).width + 6);
+  }
+  return widths.get(text);
+}
+
+/** The beginning of a text that fits, or nothing where not even some letters do. */
+function fitText(text, width) {
+  if (textWidth(text) <= width) return text;
+  if (width < 26) return "";
+  let size = Math.max(1, Math.floor((text.length * (width - 10)) / textWidth(text)));
+  while (size > 1 && textWidth(text.slice(0, size) + "…") > width) size--;
+  return text.slice(0, size).trimEnd() + "…";
+}
+
+/** Round times for the axis, with their labels; as many as have room. */
+function timeTicks([from, to], width) {
+  const rough = ((to - from) * 64) / Math.max(width, 64);
+  const size = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].map((factor) => factor * size).find((one) => one >= rough * 0.999);
+  const digits = clamp(-Math.floor(Math.log10(step) + 1e-9), 0, 7);
+  const ticks = [];
+  for (let i = Math.ceil(from / step - 1e-9); i * step <= to + 1e-12; i++) ticks.push([i * step, `${(i * step).toFixed(digits)} s`]);
+  return ticks;
+}
+
+/** What lies under the curves: the grid of the time axis and its labels. */
+function drawGround(svg, plot) {
+  const { width, height, left, plotWidth, bottom } = plot.geometry;
+  const [grid, dim] = [css("--grid"), css("--dim")];
+  const out = [];
+  let free = 0;
+  for (const [t, words] of timeTicks(plot.range, plotWidth)) {
+    const x = left + ((t - plot.range[0]) / (plot.range[1] - plot.range[0])) * plotWidth;
+    out.push(s("line", { x1: x, x2: x, y1: 0, y2: bottom, stroke: grid }));
+    const wide = textWidth(words);
+    const from = Math.min(x - wide / 2, width - wide);
+    if (from < free) continue;
+    free = from + wide + 6;
+    out.push(s("text", { class: "tick", x: from + 3, y: bottom + 13, fill: dim, "data-from": from, "data-to": from + wide }, words));
+  }
+  svg.setAttribute("width", width);
+  svg.setAttribute("height", height);
+  svg.replaceChildren(...out);
+}
 
 /** Rows of events of a case; intervals that overlap in time go to different rows. */
 function eventRows(data, plotWidth) {
@@ -18,13 +69,13 @@ function eventRows(data, plotWidth) {
   };
   const end = (t) => (t === null ? data.end : t);
   pack("Faults", data.faults.filter((fault) => fault[3] !== null).map((fault) => ({ kind: "fault", from: fault[3], to: end(fault[4]), text: `${fault[0]} → ${fault[1]}` })), 3);
-  pack("Alarms", data.alarms.map((alarm) => ({ kind: "alarm", from: alarm[0], to: end(alarm[1]), text: `${alarm[3]} ${alarm[5]}` })), 3);
+  pack("Alarms", data.alarms.map((alarm) => ({ kind: "alarm", from: alarm[0], to: end(alarm[1]), text: `${alarm[3]} ${alarm[6] || alarm[5]}${alarm[6] ? ` · ${alarm[5]}` : ""}` })), 3);
   const timed = data.checks.filter((check) => check.t !== null || check.since !== null);
   const urgent = [...timed.filter((check) => check.v !== "passed"), ...timed.filter((check) => check.v === "passed")];
   pack("Checks", urgent.map((check) => {
     const since = check.since ?? check.t;
     const to = check.t ?? since + (check.scale && check.high !== null ? check.high * check.scale : 0);
-    const measured = check.value === null ? check.observed : `${tidy(check.value)} ${check.unit}`;
+    const measured = check.value === null ? check.observed : check.unit === "s" && Math.abs(check.value) < 1 ? `${tidy(check.value * 1000)} ms` : `${tidy(check.value)} ${check.unit}`;
     const text = check.v === "failed" ? `${check.name}: ${measured}${check.limits ? ` (${check.limits})` : ""}` : check.name;
     return { kind: "check", check, from: Math.min(since, to), to: Math.max(since, to), text };
   }), 5);
@@ -64,10 +115,8 @@ function laneText(lane, value) {
   return value ? String(value) : "";
 }
 
-const fitText = (text, width) => (textWidth(text) <= width ? text : width > 26 ? text.slice(0, Math.floor((width - 12) / 6)) + "…" : "");
-
 function drawOverlay(svg, plot) {
-  const { width, height, left, plotWidth, bottom, rows } = plot.geometry;
+  const { width, height, left, narrow, plotWidth, bottom, rows } = plot.geometry;
   const [from, to] = plot.range;
   const right = left + plotWidth;
   const x = (t) => left + ((t - from) / (to - from)) * plotWidth;
@@ -112,15 +161,17 @@ function drawOverlay(svg, plot) {
   if (rows.length) out.push(s("line", { x1: 0, x2: width, y1: rows.at(-1).top + PLOT.event + 1.5, y2: rows.at(-1).top + PLOT.event + 1.5, stroke: colour["--line2"] }));
 
   for (const lane of plot.lanes) {
-    const shown = left < 90 ? lane.name.split(".").pop() : lane.name;
-    const most = Math.floor((left - 10) / 5.9);
-    out.push(s("text", { x: left - 8, y: lane.top + 13, "text-anchor": "end", fill: colour["--dim"] }, shown.length > most ? "…" + shown.slice(-most + 1) : shown));
+    // In a narrow window the name stands above the band, where it has room.
+    if (narrow) out.push(label(fitText(lane.name, width - 12), 6, lane.top - 1, colour["--dim"]));
+    else out.push(label(fitText(lane.name, left - 8), left - 8, lane.top + 13, colour["--dim"], { "text-anchor": "end" }));
     drawLane(marks, lane, plot.range, x, inside, colour);
+    if (lane.ghost) drawGhost(marks, lane, plot, x, inside, colour);
   }
 
   // limits of measured levels
   plot.panels.forEach((panel, k) => {
     const [low, high] = plot.yRanges[k];
+    const taken = []; // places of labels: two checks may have limits close together
     const y = (value) => panel.bottom - ((value - low) / (high - low)) * (panel.bottom - panel.top);
     for (const { value, side, check } of panel.limits) {
       const twin = panel.limits.find((other) => other.check === check && other.side !== side);
@@ -132,8 +183,13 @@ function drawOverlay(svg, plot) {
       if (close && side === "low") continue;
       const words = close ? check.limits : `${side === "low" ? "≥" : "≤"} ${tidy(value)} ${check.unit}`;
       const roomy = b - a > textWidth(words) + 20;
-      marks.append(label(words, roomy ? b - 5 : Math.min(a + 4, right - textWidth(words)), clamp(side === "low" ? py + 12 : py - 5, panel.top + 9, panel.bottom - 2), colour["--limit"],
-        { "font-weight": 600, "text-anchor": roomy ? "end" : null, "paint-order": "stroke", stroke: colour["--card"], "stroke-width": 3 }));
+      const px = roomy ? b - 1 - textWidth(words) : Math.min(a + 4, right - textWidth(words));
+      const sides = side === "low" ? [py + 12, py - 5] : [py - 5, py + 12];
+      const place = sides.map((one) => clamp(one, panel.top + 9, panel.bottom - 2))
+        .find((one) => taken.every(([tx, ty, wide]) => px > tx + wide || px + textWidth(words) < tx || Math.abs(ty - one) > 11));
+      if (place === undefined) continue;
+      taken.push([px, place, textWidth(words)]);
+      marks.append(label(words, px, place, colour["--limit"], { "font-weight": 600, "paint-order": "stroke", stroke: colour["--card"], "stroke-width": 3 }));
     }
     for (const check of plot.data.checks) {
       if (check.v !== "failed" || check.t === null || check.t < from || check.t > to || !panel.traces.some((trace) => trace.name === check.signal) || check.value === null) continue;
@@ -155,11 +211,12 @@ function drawBand(group, item, top, { inside, next, colour }) {
   group.append(s("rect", { x: a, y: top + 2, width: wide, height: 14, rx: 2, fill: item.kind === "fault" ? "url(#hatch)" : colour["--l-bad"], stroke: main, "stroke-width": 1 }));
   const within = textWidth(item.text) <= wide - 8;
   const space = within ? wide - 8 : next - a - wide - 8;
-  const text = fitText(item.text, Math.max(space, within ? 0 : 0));
+  const text = fitText(item.text, item.kind === "alarm" && !within ? Math.max(space, wide - 8) : space);
   if (!text) return;
-  const at = within ? a + 5 : a + wide + 5;
-  if (within && item.kind === "fault") group.append(s("rect", { x: at - 2, y: top + 4, width: textWidth(text) - 2, height: 10, fill: colour["--card"], opacity: 0.85 }));
-  group.append(s("text", { x: at, y: top + 13, fill: within && item.kind === "alarm" ? colour["--l-ink"] : main, "font-weight": 600 }, text));
+  const inBar = within || (item.kind === "alarm" && space < wide - 8);
+  const at = inBar ? a + 5 : a + wide + 5;
+  if (inBar && item.kind === "fault") group.append(s("rect", { x: at - 2, y: top + 4, width: textWidth(text) - 2, height: 10, fill: colour["--card"], opacity: 0.85 }));
+  group.append(s("text", { x: at, y: top + 13, fill: inBar && item.kind === "alarm" ? colour["--l-ink"] : main, "font-weight": 600 }, text));
 }
 
 function drawCheck(group, item, top, { x, inside, left, right, next, colour }) {
@@ -212,16 +269,28 @@ function drawLane(group, lane, range, x, inside, colour) {
       group.append(s("rect", { x: a, y: lane.top + 2, width: b - a, height: PLOT.lane - 4, fill: colour[name], stroke: colour["--card"], "stroke-width": 0.8 }));
       if (name === "--l-bad") group.append(s("rect", { x: a, y: lane.top + 2, width: b - a, height: PLOT.lane - 4, fill: "url(#hatch-bad)", opacity: 0.35 }));
       const shown = fitText(text, b - a - 4);
-      if (shown) group.append(s("text", { x: a + 4, y: middle, fill: colour["--l-ink"] }, shown));
+      if (shown) group.append(s("text", { class: "band", "data-lane": lane.name, "data-from": a, "data-to": a + 4 + textWidth(shown), x: a + 4, y: middle, fill: colour["--l-ink"] }, shown));
     }
   }
 }
 
-/** Name at the cursor the states whose bands are too narrow for their text. */
-function drawPills(svg, plot, t, toX) {
+/** The states of the case that is compared, as a thin band below those of this case. */
+function drawGhost(group, lane, plot, x, inside, colour) {
+  const { ghost } = lane;
+  const shift = plot.other.shift;
+  for (let i = 0; i < ghost.s.length; i++) {
+    const [a, b] = [inside(ghost.s[i] + shift), inside((i + 1 < ghost.s.length ? ghost.s[i + 1] : ghost.end) + shift)];
+    const name = ghost.y[i] === null ? null : laneColour(ghost, ghost.y[i], laneText(ghost, ghost.y[i]));
+    if (name && b - a >= 0.6) group.append(s("rect", { x: a, y: lane.top + PLOT.lane - 1, width: b - a, height: PLOT.ghost - 1, fill: colour[name], stroke: colour["--line"], "stroke-width": 0.5 }));
+  }
+}
+
+/** Name at the cursor the states whose bands are too narrow for their text; texts of other bands make room. */
+function drawPills(svg, overlay, plot, t, toX) {
   svg.setAttribute("width", plot.geometry.width);
   svg.setAttribute("height", plot.geometry.height);
   const out = [];
+  const covered = new Map(); // lane -> from, to
   if (t !== null && t >= plot.range[0] && t <= plot.range[1]) {
     for (const lane of plot.lanes) {
       const i = indexAt(lane.s, t + 1e-9);
@@ -232,41 +301,81 @@ function drawPills(svg, plot, t, toX) {
       if (!text || lane.kind === "bit" || textWidth(text) <= room - 4) continue;
       const wide = textWidth(text) + 4;
       const at = toX(t) + wide + 6 > plot.geometry.width ? toX(t) - wide - 4 : toX(t) + 4;
+      covered.set(lane.name, [at, at + wide]);
       out.push(s("rect", { x: at, y: lane.top + 1.5, width: wide, height: PLOT.lane - 3, rx: 3, fill: css("--ink") }), s("text", { x: at + 5, y: lane.top + 13, fill: css("--bg") }, text));
     }
+  }
+  for (const band of overlay.querySelectorAll(".band")) {
+    const place = covered.get(band.dataset.lane);
+    band.style.visibility = place && Number(band.dataset.to) > place[0] && Number(band.dataset.from) < place[1] ? "hidden" : "";
   }
   svg.replaceChildren(...out);
 }
 
-/** Save what is visible as a PNG: the curves of Plotly, the overlay and the names of the curves. */
-async function savePicture(gd, overlay, plot, name) {
+/** Give the reader a file. */
+function offer(blob, name) {
+  const link = h("a", { href: URL.createObjectURL(blob), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
+
+const fileName = (data, end) => data.id.replace(/[^A-Za-z0-9._-]+/g, "_") + end;
+
+/** Save what is visible as a PNG: the canvases of the curves between the two layers of drawings, and the names of the curves. */
+async function savePicture(ground, canvases, overlay, plot) {
   const { width, height } = plot.geometry;
-  const url = await Plotly.toImage(gd, { format: "svg", width, height });
-  const picture = new DOMParser().parseFromString(decodeURIComponent(url.slice(url.indexOf(",") + 1)), "image/svg+xml").documentElement;
-  picture.prepend(s("rect", { width, height, fill: css("--card") }));
-  const layer = s("g", { "font-family": "sans-serif", "font-size": 10.5 });
-  for (const node of overlay.childNodes) layer.append(node.cloneNode(true));
+  const canvas = h("canvas", { width: width * 2, height: height * 2 });
+  const context = canvas.getContext("2d");
+  context.scale(2, 2);
+  context.fillStyle = css("--card");
+  context.fillRect(0, 0, width, height);
+  const paint = async (nodes) => {
+    const picture = s("svg", { xmlns: "http://www.w3.org/2000/svg", width, height, "font-family": "sans-serif", "font-size": 10.5 }, nodes);
+    const image = new Image();
+    image.src = "data:image/svg+xml;charset=utf-8," + encodeURIComponent(new XMLSerializer().serializeToString(picture));
+    await image.decode();
+    context.drawImage(image, 0, 0, width, height);
+  };
+  await paint([...ground.childNodes].map((node) => node.cloneNode(true)));
+  for (const [curve, top] of canvases) context.drawImage(curve, 0, top, width, (width * curve.height) / curve.width);
+  const names = [];
   for (const panel of plot.panels) {
     const colours = traceColours(panel);
     let at = plot.geometry.left + 6;
     const write = (text, fill, weight) => {
-      layer.append(s("text", { x: at, y: panel.top - 6, fill, "font-weight": weight }, text));
+      names.push(s("text", { x: at, y: panel.top - 6, fill, "font-weight": weight }, text));
       at += textWidth(text) + 8;
     };
     write(`${panel.title} ${panel.unit && `[${panel.unit}]`}`, css("--ink"), 600);
     panel.traces.forEach((trace, i) => hiddenTraces.has(trace.name) || write((trace.set ? "- - " : "— ") + trace.name, css(colours[i]), 400));
   }
-  picture.append(layer);
-  const image = new Image();
-  image.src = "data:image/svg+xml;charset=utf-8," + encodeURIComponent(new XMLSerializer().serializeToString(picture));
-  await image.decode();
-  const canvas = h("canvas", { width: width * 2, height: height * 2 });
-  const context = canvas.getContext("2d");
-  context.scale(2, 2);
-  context.drawImage(image, 0, 0, width, height);
-  canvas.toBlob((blob) => {
-    const link = h("a", { href: URL.createObjectURL(blob), download: name.replace(/[^A-Za-z0-9._-]+/g, "_") + ".png" });
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-  });
+  await paint([...[...overlay.childNodes].map((node) => node.cloneNode(true)), ...names]);
+  canvas.toBlob((blob) => offer(blob, fileName(plot.data, ".png")));
 }
+
+/** The visible signals in the visible time as a table: a row for each time at which one of them has a sample, texts for states. */
+function csvOf(plot) {
+  const [from, to] = plot.range;
+  const traces = plot.visible();
+  const times = new Set(traces.flatMap((trace) => [...trace.x]));
+  for (const lane of plot.lanes) lane.s.forEach((t) => times.add(t));
+  const rows = [...times].filter((t) => t >= from - 1e-9 && t <= to + 1e-9).sort((a, b) => a - b);
+  const units = new Map(plot.panels.flatMap((panel) => panel.traces.map((trace) => [trace, panel.unit])));
+  const quoted = (text) => (/[",\n\r]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+  const head = ["time [s]", ...traces.map((trace) => trace.name + (units.get(trace) ? ` [${units.get(trace)}]` : "")), ...plot.lanes.map((lane) => lane.name)];
+  const places = traces.map(() => 0);
+  const line = (t) => [
+    t.toFixed(7),
+    ...traces.map((trace, k) => {
+      while (places[k] < trace.x.length && trace.x[places[k]] < t) places[k]++;
+      return trace.x[places[k]] === t && Number.isFinite(trace.values[places[k]]) ? String(Number(trace.values[places[k]].toPrecision(9))) : "";
+    }),
+    ...plot.lanes.map((lane) => {
+      const at = indexAt(lane.s, t + 1e-9);
+      return at < 0 || t > lane.end + 1e-9 ? "" : laneText(lane, lane.y[at]);
+    }),
+  ].map(quoted).join(",");
+  return [head.map(quoted).join(","), ...rows.map(line)].join("\r\n") + "\r\n";
+}
+
+const saveCsv = (plot) => offer(new Blob([csvOf(plot)], { type: "text/csv" }), fileName(plot.data, ".csv"));

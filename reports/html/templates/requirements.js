@@ -4,13 +4,19 @@ const REQUIREMENT_ORDER = { failed: 0, error: 1, blocked: 2, passed: 3, untested
 let requirementRows = null;
 let requirementLimit = PAGE;
 
-function showRequirements(query) {
+// The part before the number, as `family_of` of the report has it.
+function familyOf(id) {
+  const dash = id.lastIndexOf("-");
+  return (dash > 0 ? id.slice(0, dash) : "") || id.replace(/[0-9]+$/, "").replace(/[._ ]+$/, "") || id;
+}
+
+async function showRequirements(query) {
   if (!$("#r-rows")) return;
-  requirementRows ??= readJson("data-requirements").map((row) => {
-    const [id, title, section, source, verdict, known, cases] = row;
+  requirementRows ??= (await readPacked("data-requirements")).map((row) => {
+    const [id, title, section, source, verdict, known, cases, own] = row;
     const names = cases.map(([place]) => INDEX[place].id);
-    return { id, title, section, source, verdict, known, cases, rank: REQUIREMENT_ORDER[verdict], prefix: id.includes("-") ? id.slice(0, id.lastIndexOf("-")) : id, text: [id, title, section, source, ...names].join(" ").toLowerCase() };
-  }).sort((a, b) => a.rank - b.rank);
+    return { id, title, section, source, verdict, known, cases, own, rank: REQUIREMENT_ORDER[verdict], prefix: familyOf(id), text: [id, title, section, source, ...names].join(" ").toLowerCase() };
+  }).sort((a, b) => b.own - a.own || a.rank - b.rank);
   const words = (query.get("q") || "").toLowerCase().split(/\s+/).filter(Boolean);
   const prefix = query.get("p") || "";
   const verdict = query.get("v") || "";

@@ -13,13 +13,13 @@ from emulators.drive.cia402 import CiA402Drive, DriveConfig
 from fieldbus.can import CanMedium
 from fieldbus.canopen import CanopenMaster, NmtCommand
 from fieldbus.cia402 import DriveState
-from fieldbus.clock import MS, VirtualScheduler
-from fieldbus.history import History
+from fieldbus.clock import MS
+from testcases.rigs import VirtualRig
 
 SYNC_NS = 4 * MS
 
 
-class DriveBench:
+class DriveBench(VirtualRig):
     """One emulated drive (node 1) and a controller that owns the bus.
 
     `write` and `read` use the drive's SDO rules without the bus delay; `cycle` sends the reference bench's
@@ -27,8 +27,7 @@ class DriveBench:
     """
 
     def __init__(self, config: DriveConfig, *, power: bool = True, seed: int = 1) -> None:
-        self.scheduler = VirtualScheduler()
-        self.history = History(self.scheduler)
+        super().__init__(cycle_ns=SYNC_NS)
         self.medium = CanMedium(self.scheduler, history=self.history)
         self.drive = CiA402Drive(
             self.scheduler,
@@ -49,16 +48,6 @@ class DriveBench:
         if power:
             self.drive.power_on()
             self.run(0.002)
-
-    # -- time ----------------------------------------------------------------------------------------------
-
-    def run(self, seconds: float) -> None:
-        self.scheduler.run_for(round(seconds * 1e9))
-
-    def until(self, condition: Callable[[], object], timeout: float = 5.0) -> None:
-        assert self.scheduler.run_until(condition, round(timeout * 1e9)), (
-            "condition did not come true in time"
-        )
 
     # -- objects -------------------------------------------------------------------------------------------
 

@@ -13,8 +13,7 @@ from emulators.encoder.cia406 import EDS, CiA406Encoder, EncoderDeviceConfig, fa
 from emulators.mechanics import DrivenShaft
 from fieldbus.can import CanMedium
 from fieldbus.canopen import CanopenMaster, NmtCommand, PumpedNetwork
-from fieldbus.clock import VirtualScheduler
-from fieldbus.history import History
+from testcases.rigs import VirtualRig
 
 NODE = 7
 
@@ -25,7 +24,7 @@ def library_dictionary(path: str) -> canopen.ObjectDictionary:
     return canopen.import_od(path, NODE)
 
 
-class EncoderBench:
+class EncoderBench(VirtualRig):
     """One encoder on a shaft of its own, powered on; `sdo` and `rotate` are what most tests need.
 
     `count` places the shaft so that the sensor counts exactly that many raw steps from zero.
@@ -34,9 +33,8 @@ class EncoderBench:
     def __init__(
         self, *, mounting: dict[str, float] | None = None, start: float = 0.0, **config: Any
     ) -> None:
+        super().__init__()
         self.config = EncoderDeviceConfig(node_id=NODE, **config)
-        self.scheduler = VirtualScheduler()
-        self.history = History(self.scheduler)
         self.medium = CanMedium(self.scheduler, history=self.history)
         self.shaft = DrivenShaft(self.scheduler, position=start)
         self.encoder = CiA406Encoder(
@@ -63,9 +61,6 @@ class EncoderBench:
     def step(self) -> float:
         """Raw step, rad or m."""
         return self.encoder.channels[0].sensor.coordinate_per_step
-
-    def run(self, seconds: float) -> None:
-        self.scheduler.run_for(round(seconds * 1e9))
 
     def count(self, steps: int) -> None:
         self.shaft.place(steps * self.step)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from struct import pack, unpack_from
 from typing import Any, Final
 
-from emulators.drive.cia402 import DriveConfig, EncoderConfig, SwitchConfig
+from emulators.drive.cia402 import DriveConfig, EncoderConfig, SwitchesConfig
 from emulators.drive.tuning import ServoTuning
 from fieldbus.canopen import NmtCommand
 from fieldbus.clock import US
@@ -33,29 +33,33 @@ def machine(
     limits: bool = True,
     zero_mark: int = 0,
     servo_us: int = 1000,
+    input_filter_ms: float = 0.0,
     **options: Any,
 ) -> DriveConfig:
     """Return a lead screw with 10 mm between +-55 mm, limit switches at +-45 mm and a home cam (mm); units:
     increments, 10^-3 rpm.
     """
     reference = DriveConfig.reference()
-    switches = {}
-    hysteresis = HYSTERESIS_MM / 1000
-    if limits:
-        switches["negative_limit"] = SwitchConfig(high=-LIMIT_MM / 1000, hysteresis=hysteresis)
-        switches["positive_limit"] = SwitchConfig(low=LIMIT_MM / 1000, hysteresis=hysteresis)
-    if home is not None:
-        switches["home"] = SwitchConfig(low=home[0] / 1000, high=home[1] / 1000, hysteresis=hysteresis)
+    switches = SwitchesConfig(
+        negative_limit_mm=-LIMIT_MM if limits else None,
+        positive_limit_mm=LIMIT_MM if limits else None,
+        home_mm=None,
+        home_from_mm=home[0] if home is not None and math.isfinite(home[0]) else None,
+        home_to_mm=home[1] if home is not None and math.isfinite(home[1]) else None,
+        hysteresis_mm=HYSTERESIS_MM,
+        input_filter_ms=input_filter_ms,
+    )
     configuration = replace(
         reference,
         servo_period_ns=servo_us * US,
         tuning=ServoTuning(velocity_time_constant_s=0.004, velocity_integral_time_s=0.04, position_gain=50.0),
         mechanics=replace(
             reference.mechanics,
-            position_m=start_mm / 1000,
-            stops_m=(-STOP_MM / 1000, STOP_MM / 1000),
-            switches=switches,
+            start_position_mm=start_mm,
+            negative_stop_mm=-STOP_MM,
+            positive_stop_mm=STOP_MM,
         ),
+        switches=switches,
         encoder=EncoderConfig(counts_per_revolution=COUNTS, zero_mark_counts=zero_mark),
         **options,
     )

@@ -21,7 +21,7 @@ _VL_BITS = 0x70
 
 
 class MovingDrive(DriveBench):
-    """A drive on an endless axis without friction; set-points come by SDO, those of csp and ip every
+    """A drive on an endless axis without friction; setpoints come by SDO, those of csp and ip every
     millisecond.
     """
 
@@ -67,11 +67,11 @@ class MovingDrive(DriveBench):
         return self.drive.mechanics.motor_inertia
 
     def following_word(self, mode: int) -> int:
-        """Return the control word that lets a mode follow its set-points."""
+        """Return the control word that lets a mode follow its setpoints."""
         return 0x0F | {2: _VL_BITS, 7: 0x10}.get(mode, 0)
 
     def prime(self, mode: int) -> None:
-        """Give a mode the set-points that fit to what the axis does now."""
+        """Give a mode the setpoints that fit to what the axis does now."""
         core = self.drive.core
         speed = round(core.velocity * 60.0 / math.tau)
         if mode == 2:

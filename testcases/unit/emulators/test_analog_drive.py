@@ -2,33 +2,41 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from emulators.drive.analog import AnalogDrive, AnalogState
-from emulators.drive.analog_config import AnalogConfig
-from emulators.drive.machine import BrakeConfig, LinearAxisConfig, SwitchConfig
-from fieldbus.clock import MS, S, VirtualScheduler
+from emulators.drive.analog_config import AnalogConfig, AnalogSettings
+from emulators.drive.machine import NO_SWITCHES, BrakeConfig, LinearAxisConfig, SwitchesConfig
+from fieldbus.clock import MS, S
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
-from fieldbus.history import History
+from testcases.rigs import VirtualRig
 
 RPM = 2 * 3.141592653589793 / 60
 
 
-class Rig:
+SETTINGS = frozenset(one.name for one in fields(AnalogSettings))
+
+
+def config_of(**keys):
+    """Return the configuration of a drive with the given keys, its own and those of its table `analog`."""
+    settings = AnalogSettings(**{key: keys.pop(key) for key in SETTINGS & set(keys)})
+    return AnalogConfig(analog=settings, **keys)
+
+
+class Rig(VirtualRig):
     def __init__(self, *, power=True, **options):
-        self.scheduler = VirtualScheduler()
-        self.history = History(self.scheduler)
-        options.setdefault("mechanics", LinearAxisConfig(stops_m=(None, None)))
-        self.drive = AnalogDrive(self.scheduler, AnalogConfig(**options), name="drive1", history=self.history)
+        super().__init__()
+        options.setdefault("switches", NO_SWITCHES)
+        options.setdefault("mechanics", LinearAxisConfig(negative_stop_mm=None, positive_stop_mm=None))
+        self.drive = AnalogDrive(self.scheduler, config_of(**options), name="drive1", history=self.history)
         self.ready = []
         self.drive.on_ready.append(lambda level: self.ready.append((self.scheduler.now, level)))
         if power:
             self.drive.power_on()
-
-    def run(self, seconds):
-        self.scheduler.run_for(round(seconds * S))
 
     @property
     def rpm(self):
@@ -62,10 +70,10 @@ def test_the_drive_permits_less():
 
 def test_offset_dead_zone_and_polarity():
     """A drift of the input moves a standing axis, a dead zone hides it, a wrong polarity turns it round."""
-    assert AnalogConfig(offset_V=0.05).speed_rpm(0.0) == pytest.approx(15.0)
-    assert AnalogConfig(offset_V=0.05, dead_zone_V=0.1).speed_rpm(0.0) == 0.0
-    assert AnalogConfig(inverted=True).speed_rpm(5.0) == pytest.approx(-1500.0)
-    rig = Rig(offset_V=0.05)
+    assert config_of(offset_v=0.05).speed_rpm(0.0) == pytest.approx(15.0)
+    assert config_of(offset_v=0.05, dead_zone_v=0.1).speed_rpm(0.0) == 0.0
+    assert config_of(inverted=True).speed_rpm(5.0) == pytest.approx(-1500.0)
+    rig = Rig(offset_v=0.05)
     rig.start(0.0, 1.0)
     assert rig.rpm == pytest.approx(15.0, abs=0.1)
 
@@ -74,7 +82,7 @@ def test_offset_dead_zone_and_polarity():
 @pytest.mark.parametrize("delay", [0.0, 0.05])
 def test_ready_follows_the_enable(delay):
     """Ready: the power section is on and the setpoint is accepted, no sooner."""
-    rig = Rig(ready_delay_s=delay)
+    rig = Rig(ready_delay_ms=delay * 1000.0)
     rig.drive.set_voltage(5.0)
     rig.run(0.1)
     assert (rig.rpm, rig.ready) == (0.0, [])
@@ -95,7 +103,7 @@ def test_own_ramp(ramp_s):
     """Without the enable the drive brakes on its own ramp, whatever the voltage says: from 1800 rpm 0.6 of
     the ramp time.
     """
-    rig = Rig(stop_ramp_s=ramp_s)
+    rig = Rig(off3_ramp_s=ramp_s)
     rig.start(6.0)
     start, place = rig.scheduler.now, rig.drive.mechanics.position
     rig.drive.set_enable(False)
@@ -231,8 +239,8 @@ def test_enable_again_while_it_brakes():
 
 def test_machine_switches_brake_and_faults():
     """Switches are told, a brake closes without torque, and machine faults act as with every drive."""
-    mechanics = LinearAxisConfig(switches={"positive_limit": SwitchConfig(low=0.05)}, stops_m=(None, None))
-    rig = Rig(mechanics=mechanics, brake=BrakeConfig(torque_nm=3.0), stop_ramp_s=0.1)
+    switches = SwitchesConfig(negative_limit_mm=None, positive_limit_mm=50.0, home_mm=None, hysteresis_mm=0.0)
+    rig = Rig(switches=switches, brake=BrakeConfig(torque_nm=3.0), off3_ramp_s=0.1)
     seen = []
     rig.drive.on_inputs.append(seen.append)
     assert rig.drive.trace_row()[rig.drive.trace_columns.index(("brake_closed", ""))]
@@ -258,17 +266,17 @@ def test_machine_switches_brake_and_faults():
 
 def test_bad_settings_are_refused():
     """What cannot be says what is allowed."""
-    for options in (
-        {"reference_speed_rpm": 0.0},
-        {"stop_ramp_s": 0.0},
-        {"dead_zone_V": -1.0},
-        {"offset_V": float("nan")},
-        {"stop": "never"},
-        {"ready_falls": "late"},
-        {"servo_period_ns": 0},
-    ):
-        with pytest.raises(ConfigurationError):
-            AnalogConfig(**options)
+    for key, value in {
+        "reference_speed_rpm": 0.0,
+        "off3_ramp_s": 0.0,
+        "dead_zone_v": -1.0,
+        "offset_v": float("nan"),
+        "stop": "never",
+        "ready_falls": "late",
+        "servo_period_ns": 0,
+    }.items():
+        with pytest.raises(ConfigurationError, match=key):
+            config_of(**{key: value})
     rig = Rig()
     for call in (lambda: rig.drive.set_voltage(float("inf")), lambda: rig.drive.raise_fault(0)):
         with pytest.raises(ConfigurationError):
@@ -288,7 +296,7 @@ def test_torque_only_when_allowed(steps, stop, falls):
     """Whatever happens in whatever order: torque only with the enable or on the stop ramp, ready rises only
     in operation.
     """
-    rig = Rig(stop=stop, ready_falls=falls, ready_delay_s=0.002)
+    rig = Rig(stop=stop, ready_falls=falls, ready_delay_ms=2.0)
     drive = rig.drive
     for what, on in steps:
         if what == "enable":

@@ -10,6 +10,7 @@ from emulators.drive.cia402 import COASTING_FAULTS, RULES, fault_rule
 from emulators.drive.cia402.faults.rules import Reaction, Reset
 from fieldbus.cia402 import EMCY_TEXTS
 from fieldbus.cia402 import DriveState as S
+from testcases.catalogue import each, requirements_in
 
 # The tables of the specification, row by row: requirement, codes, bits of 1001h besides bit 0.
 TABLES = (
@@ -74,12 +75,7 @@ NO_BRAKING = {
 RESTART_ONLY = set(codes("5220 5500 5510 5520 5530 6010"))
 
 
-@pytest.mark.requirement("C402-014", "C402-015", "C402-016", "C301-108", "C301-109", "C301-111", "C301-112")
-@pytest.mark.parametrize(("code", "register"), CASES)
-def test_every_fault_code(make_bench, code, register):
-    """EMCY bytes, 1001h, 603Fh, 1003h; coasting or ramp by 605Eh; reset by an edge with EMCY 0000h, or by
-    restart only.
-    """
+def check_every_fault_code(make_bench, code, register):
     bench = make_bench()
     bench.spin()
     frames_before = len(bench.medium.log)
@@ -118,6 +114,18 @@ def test_every_fault_code(make_bench, code, register):
         assert bench.emcys[-1] == (0, 0)
     assert bench.state is S.SWITCH_ON_DISABLED
     assert (bench.read(0x1001), bench.read(0x603F)) == (0, 0)
+
+
+@pytest.mark.exhaustive
+@pytest.mark.requirement("C402-014", "C402-015", "C402-016", "C301-108", "C301-109", "C301-111", "C301-112")
+@requirements_in(CASES)
+def test_every_fault_code(make_bench, subtests):
+    """EMCY bytes, 1001h, 603Fh, 1003h; coasting or ramp by 605Eh; reset by an edge with EMCY 0000h, or by
+    restart only.
+    """
+    for label, values in each(CASES):
+        with subtests.test(label):
+            check_every_fault_code(make_bench, *values)
 
 
 def test_the_tables_are_whole():

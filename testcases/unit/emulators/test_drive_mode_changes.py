@@ -11,22 +11,14 @@ import pytest
 
 from fieldbus.canopen import SdoAbort
 from fieldbus.cia402 import DriveState as S
+from testcases.catalogue import each
 from testcases.unit.emulators.moving import MODES, RPM, SLOW, MovingDrive
 
 PERIOD = 0.00025
 PAIRS = list(permutations(MODES, 2))
 
 
-@pytest.mark.requirement("C402-089")
-@pytest.mark.parametrize(("old", "new"), PAIRS, ids=[f"{MODES[a]}-{MODES[b]}" for a, b in PAIRS])
-def test_no_jump(old, new):
-    """Between all modes in motion: velocity, demand and torque go on without a step; then the new mode is in
-    control.
-
-    Modes with a velocity or torque of their own go on; pp and hm brake with 6084h (3000 rpm/s). A step of the
-    acceleration by 6084h is a step of the torque by inertia * 6084h; nothing larger is allowed but 2 % of
-    rated torque.
-    """
+def check_no_jump(old, new):
     bench = MovingDrive()
     bench.set_moving(old)
     if old == 6:
@@ -56,10 +48,25 @@ def test_no_jump(old, new):
     assert bench.rpm == pytest.approx(0.0 if new in (1, 6) else RPM, abs=5)
 
 
+@pytest.mark.exhaustive
+@pytest.mark.requirement("C402-089")
+def test_no_jump(subtests):
+    """Between all modes in motion: velocity, demand and torque go on without a step; then the new mode is in
+    control.
+
+    Modes with a velocity or torque of their own go on; pp and hm brake with 6084h (3000 rpm/s). A step of the
+    acceleration by 6084h is a step of the torque by inertia * 6084h; nothing larger is allowed but 2 % of
+    rated torque.
+    """
+    for label, values in each(PAIRS):
+        with subtests.test(label):
+            check_no_jump(*values)
+
+
 @pytest.mark.requirement("C402-089", "C402-005")
 @pytest.mark.parametrize("new", MODES, ids=MODES.values())
 def test_no_motion_at_standstill(new):
-    """A mode that is entered at standstill with the set-points of the standing axis does not move it."""
+    """A mode that is entered at standstill with the setpoints of the standing axis does not move it."""
     bench = MovingDrive()
     bench.enable(3)
     bench.write(0x60FF, 100_000)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from emulators.drive.cia402 import DriveConfig, RotaryAxisConfig
+from emulators.drive.cia402 import DriveConfig, HomingConfig, RotaryAxisConfig
 from fieldbus.canopen import SdoAbort
 from fieldbus.cia402 import DriveState as S
 from testcases.unit.emulators.conftest import DriveBench
@@ -225,7 +225,7 @@ def test_polarity_changes_outside_operation_only(state, bit):
 @pytest.mark.requirement("C402-165")
 def test_polarity_of_the_position():
     """607Eh bit 7: targets, demand, actual position and software limits are turned together."""
-    bench = DriveBench(replace(frictionless(), home_offset="profile"))
+    bench = DriveBench(replace(frictionless(), homing=HomingConfig(offset="profile")))
     bench.write(0x607E, 0x80)
     bench.write(0x607D, -REV, 1)
     bench.write(0x607D, 3 * REV, 2)

@@ -43,7 +43,7 @@ def refused(bench: DriveBench, index: int, value: int, sub: int = 0) -> int:
 
 @pytest.mark.requirement("C402-083", "C402-099", "C402-172", "C402-253", "C402-033", "C402-046")
 def test_one_set_point_per_period():
-    """Bit 4 starts; every 4 ms (60C2h) one set-point of the buffer is reached in a straight line; bit 12
+    """Bit 4 starts; every 4 ms (60C2h) one setpoint of the buffer is reached in a straight line; bit 12
     tells of it.
     """
     bench = ip_bench(size=16)
@@ -65,7 +65,7 @@ def test_one_set_point_per_period():
 
 @pytest.mark.requirement("C402-099", "C402-041")
 def test_an_empty_buffer_holds_and_warns():
-    """Empty: the axis stays at the last set-point, bit 12 = 0, bit 7 = 1, EMCY FF70h; a new one goes on."""
+    """Empty: the axis stays at the last setpoint, bit 12 = 0, bit 7 = 1, EMCY FF70h; a new one goes on."""
     bench = ip_bench(size=4)
     put(bench, 500, 1000)
     bench.control(INTERPOLATE, 0.3)
@@ -87,7 +87,7 @@ def test_an_empty_buffer_holds_and_warns():
 
 @pytest.mark.requirement("C402-099")
 def test_a_buffer_that_runs_empty_at_speed_brakes_with_60c6h():
-    """The axis cannot stop at once: it brakes with 60C6h and comes back to the last set-point."""
+    """The axis cannot stop at once: it brakes with 60C6h and comes back to the last setpoint."""
     bench = ip_bench(size=16)
     bench.write(0x60C6, 6_000_000)
     put(bench, *(STEP * n for n in range(1, 17)))
@@ -101,7 +101,7 @@ def test_a_buffer_that_runs_empty_at_speed_brakes_with_60c6h():
 
 @pytest.mark.requirement("C402-172", "C402-255")
 def test_first_in_first_out():
-    """60C4h:3 = 0: set-points come out in order; a full buffer refuses with 08000022h and the warning bit."""
+    """60C4h:3 = 0: setpoints come out in order; a full buffer refuses with 08000022h and the warning bit."""
     bench = ip_bench(size=3)
     put(bench, 100, 200, 300)
     assert refused(bench, 0x60C1, 400, 1) == 0x08000022
@@ -116,7 +116,7 @@ def test_first_in_first_out():
 
 @pytest.mark.requirement("C402-172", "C402-255")
 def test_ring():
-    """60C4h:3 = 1: a full ring gives the oldest place away; 60C4h:4 moves the next set-point to another
+    """60C4h:3 = 1: a full ring gives the oldest place away; 60C4h:4 moves the next setpoint to another
     place.
     """
     bench = ip_bench(size=3, organisation=1)
@@ -193,7 +193,7 @@ def test_without_a_buffer_the_record_itself_counts():
 
 @pytest.mark.requirement("C402-099", "C402-033")
 def test_bit_4_stops_and_starts():
-    """Bit 4 = 0 brakes and keeps what waits; bit 4 = 1 goes on with the next set-point."""
+    """Bit 4 = 0 brakes and keeps what waits; bit 4 = 1 goes on with the next setpoint."""
     bench = ip_bench(size=16)
     put(bench, *(STEP * n for n in range(1, 17)))
     bench.control(INTERPOLATE, 0.02)
@@ -211,7 +211,7 @@ def test_bit_4_stops_and_starts():
 
 @pytest.mark.requirement("C402-076", "C402-036", "C402-044")
 def test_halt_skips_what_runs_out_meanwhile():
-    """Halt: standstill and bit 10; set-points of that time are not resumed, the release goes on with the
+    """Halt: standstill and bit 10; setpoints of that time are not resumed, the release goes on with the
     next.
     """
     bench = ip_bench(size=16)
@@ -248,7 +248,7 @@ def test_following_error():
 
 @pytest.mark.requirement("C402-103", "C402-224")
 def test_speed_limit():
-    """A set-point beyond the reach of 6080h in one period: the axis follows at the limit with bit 11 = 1."""
+    """A setpoint beyond the reach of 6080h in one period: the axis follows at the limit with bit 11 = 1."""
     bench = ip_bench(size=4)
     bench.write(0x6080, 600)
     put(bench, 4 * REV)
@@ -290,7 +290,7 @@ def test_buffer_against_a_list(size, organisation, actions):
 @settings(max_examples=10, deadline=None)
 @given(ways=st.lists(st.integers(-700, 700), min_size=1, max_size=16))
 def test_any_path_ends_on_its_last_set_point(ways):
-    """Set-points within the limits: each is passed at its time, the last one is held."""
+    """Setpoints within the limits: each is passed at its time, the last one is held."""
     bench = ip_bench(size=16)
     positions = [sum(ways[: n + 1]) for n in range(len(ways))]
     put(bench, *positions)

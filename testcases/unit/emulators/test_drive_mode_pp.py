@@ -1,5 +1,5 @@
 """Profile position: rotary axes, relative targets, profile types, end velocity, and any sequence of
-set-points.
+setpoints.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def degrees(bench: DriveBench) -> float:
 
 
 def move(bench: DriveBench, target: int, word: int = 0x1F, wait: float = 1.0) -> None:
-    """Give a set-point and wait."""
+    """Give a setpoint and wait."""
     bench.write(0x6040, word & ~0x10)
     bench.write(0x607A, target)
     bench.control(word, wait)
@@ -323,7 +323,7 @@ def test_set_point_and_edge_in_one_pdo():
     deceleration=st.integers(1500, 20_000),
 )
 def test_any_sequence_of_set_points(steps, kind, acceleration, deceleration):
-    """Queued, immediate, relative and blended set-points at any time, with any profile type.
+    """Queued, immediate, relative and blended setpoints at any time, with any profile type.
 
     The demand never leaves the limits of speed and acceleration and has no jump, and the axis ends on the
     last target that was acknowledged, with bit 10.

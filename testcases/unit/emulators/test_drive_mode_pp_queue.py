@@ -1,4 +1,4 @@
-"""Profile position: what becomes of set-points that wait when the axis is held up, or the mode is left and
+"""Profile position: what becomes of setpoints that wait when the axis is held up, or the mode is left and
 entered again.
 """
 
@@ -32,7 +32,7 @@ def pp_bench(*, endless: bool = True, **objects: int) -> DriveBench:
 
 
 def give(bench: DriveBench, target: int, bits: int = 0) -> None:
-    """Hand a set-point over as the handshake wants it; bit 12 tells whether it was taken."""
+    """Hand a setpoint over as the handshake wants it; bit 12 tells whether it was taken."""
     bench.write(0x607A, target)
     bench.control(0x1F | bits, 0.004)
     assert bench.status & 0x1000
@@ -40,9 +40,9 @@ def give(bench: DriveBench, target: int, bits: int = 0) -> None:
 
 
 @pytest.mark.requirement("C402-092", "C402-161")
-@pytest.mark.parametrize("bits", [0, 0x20, 0x200], ids=["waits", "immediately", "change on set-point"])
+@pytest.mark.parametrize("bits", [0, 0x20, 0x200], ids=["waits", "immediately", "change on setpoint"])
 def test_a_limit_switch_gives_waiting_set_points_up(bits):
-    """Behind a target that a limit switch bars nothing waits for ever: bit 12 goes, and the next set-point
+    """Behind a target that a limit switch bars nothing waits for ever: bit 12 goes, and the next setpoint
     leads away.
     """
     bench = pp_bench(endless=False)
@@ -51,7 +51,7 @@ def test_a_limit_switch_gives_waiting_set_points_up(bits):
     bench.run(0.2)
     bench.drive.force_input("positive_limit", True)
     bench.run(1.0)
-    assert bench.status & 0x1C00 == 0x0800, "stands at the switch, target not reached, ready for a set-point"
+    assert bench.status & 0x1C00 == 0x0800, "stands at the switch, target not reached, ready for a setpoint"
     give(bench, REV, bits)
     bench.run(3.0)
     assert bench.read(0x6064) == pytest.approx(REV, abs=2)
@@ -102,7 +102,7 @@ def test_a_set_point_is_forgotten_when_the_mode_is_left(halt_before):
 
 @pytest.mark.requirement("C402-089", "C402-093", "C402-155")
 def test_pp_entered_in_motion_begins_where_it_comes_to_rest():
-    """Bit 10 comes at rest, not before, also with a position window; a relative set-point counts from
+    """Bit 10 comes at rest, not before, also with a position window; a relative setpoint counts from
     there.
     """
     bench = pp_bench(_6067=20, _6068=5)
@@ -128,7 +128,7 @@ def test_catching_up_keeps_the_motor_below_its_speed_limit(mode):
     """A following error, however large, does not drive the motor beyond 6080h (by more than 5 %); bit 11
     tells it.
     """
-    bench = DriveBench(replace(DriveConfig.reference(sync_period_ms=1), following_error_reaction="status"))
+    bench = DriveBench(replace(DriveConfig.reference(sync_period_ms=1), following_error="status"))
     bench.configure({0x6081: SPEED, 0x6083: 6_000_000, 0x6084: 6_000_000, 0x6072: 27})
     bench.enable(1)
     give(bench, 20 * REV)

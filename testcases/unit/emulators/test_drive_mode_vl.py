@@ -22,7 +22,9 @@ RPM_PER_M_S = 6000.0
 
 def frictionless() -> DriveConfig:
     config = DriveConfig.reference()
-    return replace(config, mechanics=replace(config.mechanics, coulomb_friction=0.0, viscous_friction=0.0))
+    return replace(
+        config, mechanics=replace(config.mechanics, coulomb_friction_n=0.0, viscous_friction_n_per_m_s=0.0)
+    )
 
 
 def endless() -> DriveConfig:
@@ -297,7 +299,7 @@ def test_polarity_of_the_velocity():
 
 @pytest.mark.requirement("C402-284", "C402-292", "C402-192")
 def test_over_the_bus():
-    """Set-point and ramp bits by RPDO6 as it is mapped by default, the actual velocity by TPDO6."""
+    """Setpoint and ramp bits by RPDO6 as it is mapped by default, the actual velocity by TPDO6."""
     bench = DriveBench(frictionless())
     bench.enable(2)
     seen: list[bytes] = []

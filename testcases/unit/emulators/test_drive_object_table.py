@@ -217,17 +217,11 @@ def rows() -> list[Row]:
     return result
 
 
-def each_row(condition=lambda _row: True):
-    return pytest.mark.parametrize(
-        "row",
-        [
-            pytest.param(
-                row, id=f"{row.index:04X}h:{row.sub}", marks=pytest.mark.requirement(*row.requirements)
-            )
-            for row in rows()
-            if condition(row)
-        ],
-    )
+def label(row: Row) -> str:
+    return f"{row.index:04X}h:{row.sub}"
+
+
+every_row = pytest.mark.requirement(*dict.fromkeys(one for row in rows() for one in row.requirements))
 
 
 @pytest.fixture(scope="module")
@@ -261,9 +255,15 @@ def test_the_table_is_whole():
     assert {row.requirement for row in rows()} == {f"C402-{number}" for number in range(175, 279)}
 
 
-@each_row()
-def test_by_sdo(sdo, row):
+@every_row
+def test_by_sdo(sdo, subtests):
     """Length of the type, default, and the access right with its abort codes."""
+    for row in rows():
+        with subtests.test(label(row)):
+            check_by_sdo(sdo, row)
+
+
+def check_by_sdo(sdo, row):
     if row.access == "wo":
         assert refusal(sdo, row.index, row.sub) == WRITE_ONLY
         sdo.download(row.index, row.sub, row.encode(row.default))
@@ -280,27 +280,36 @@ def test_by_sdo(sdo, row):
         assert sdo.upload(row.index, row.sub) == (data or b"x")
 
 
-@each_row()
+@pytest.mark.exhaustive
+@every_row
 @pytest.mark.parametrize(("direction", "record", "mapping"), [("R", 0x1407, 0x1607), ("T", 0x1807, 0x1A07)])
-def test_mapping(sdo, row, direction, record, mapping):
+def test_mapping(sdo, direction, record, mapping, subtests):
     """What the table allows can be mapped into an RPDO or TPDO, all else is 06040041h."""
     sdo.download(record, 1, (1 << 31).to_bytes(4, "little"))
-    sdo.download(mapping, 0, b"\0")
-    arguments = (mapping, 1, row.mapping.to_bytes(4, "little"))
-    if direction in row.pdo:
-        sdo.download(*arguments)
-    else:
-        assert refusal(sdo, *arguments) == NOT_MAPPABLE
+    for row in rows():
+        with subtests.test(label(row)):
+            sdo.download(mapping, 0, b"\0")
+            arguments = (mapping, 1, row.mapping.to_bytes(4, "little"))
+            if direction in row.pdo:
+                sdo.download(*arguments)
+            else:
+                assert refusal(sdo, *arguments) == NOT_MAPPABLE
 
 
-@each_row(lambda row: row.kind != "any")
-def test_in_the_eds(eds, row):
+@pytest.mark.requirement(
+    *dict.fromkeys(one for row in rows() if row.kind != "any" for one in row.requirements)
+)
+def test_in_the_eds(eds, subtests):
     """Type, access right, mapping flag and default of the EDS are those of the table."""
-    entry = eds[row.index] if not row.sub else eds[row.index][row.sub]
-    assert entry.data_type == TYPES[row.kind]
-    expected = {"R": "rww", "T": "rwr"}.get(row.pdo, "rw") if row.access == "rw" else row.access
-    assert entry.access_type == expected
-    assert entry.pdo_mappable == (row.pdo != "-")
-    if row.default is not None:
-        # An EDS writes negative numbers as their bits, or with a sign.
-        assert (entry.default - row.default) % (1 << BITS[row.kind]) == 0
+    for row in rows():
+        if row.kind == "any":
+            continue
+        with subtests.test(label(row)):
+            entry = eds[row.index] if not row.sub else eds[row.index][row.sub]
+            assert entry.data_type == TYPES[row.kind]
+            expected = {"R": "rww", "T": "rwr"}.get(row.pdo, "rw") if row.access == "rw" else row.access
+            assert entry.access_type == expected
+            assert entry.pdo_mappable == (row.pdo != "-")
+            if row.default is not None:
+                # An EDS writes negative numbers as their bits, or with a sign.
+                assert (entry.default - row.default) % (1 << BITS[row.kind]) == 0

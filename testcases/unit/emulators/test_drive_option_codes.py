@@ -12,6 +12,7 @@ import pytest
 
 from fieldbus.canopen import NmtCommand, SdoAbort
 from fieldbus.cia402 import DriveState as S
+from testcases.catalogue import each, requirements_in
 from testcases.unit.emulators.conftest import DriveBench
 from testcases.unit.emulators.moving import MODES, QUICK, RPM, SLOW, TORQUE_NM, MovingDrive
 
@@ -126,11 +127,10 @@ def slope(bench: MovingDrive, mode: int, action: str) -> float:
     return SLOW if action.startswith("slow") else QUICK
 
 
-@pytest.mark.parametrize(("row", "mode"), cases())
-def test_stops(row, mode):
-    """The axis brakes as the option says, with the ramps of its mode, and the state at the end is that of the
-    command.
-    """
+STOPS_CASES = list(cases())
+
+
+def check_stops(row, mode):
     bench = MovingDrive(**{f"_{row.index:04X}": row.value})
     bench.set_moving(mode)
     speed = bench.rpm
@@ -163,13 +163,18 @@ def test_stops(row, mode):
         assert bool(bench.status & 0x400) == (mode not in (2, 8, 9, 10) and bool(expected))
 
 
-@pytest.mark.requirement("C402-076")
-@pytest.mark.parametrize("option", [1, 2, 3, 4])
-@pytest.mark.parametrize("mode", [1, 2, 3, 4, 7, 8, 9, 10])
-def test_release_of_a_halt(mode, option):
-    """Pp goes on to its set-point, velocity modes to their target, tq and cst to their torque, ip and csp to
-    what comes.
+@pytest.mark.exhaustive
+@requirements_in(STOPS_CASES)
+def test_stops(subtests):
+    """The axis brakes as the option says, with the ramps of its mode, and the state at the end is that of the
+    command.
     """
+    for label, values in each(STOPS_CASES):
+        with subtests.test(label):
+            check_stops(*values)
+
+
+def check_release_of_a_halt(option, mode):
     bench = MovingDrive(_605D=option)
     bench.set_moving(mode)
     word = bench.following_word(mode) | (0x10 if mode == 1 else 0)
@@ -199,17 +204,27 @@ def test_release_of_a_halt(mode, option):
         assert bench.rpm == pytest.approx(RPM, abs=2)
 
 
-@pytest.mark.requirement("C402-077", "C402-049", "C402-050", "C402-051", "C402-052")
-@pytest.mark.parametrize("option", [0, 1, 2, 3])
-@pytest.mark.parametrize(
-    "state",
-    [S.SWITCH_ON_DISABLED, S.READY_TO_SWITCH_ON, S.SWITCHED_ON, S.OPERATION_ENABLED, S.QUICK_STOP_ACTIVE],
-)
-@pytest.mark.parametrize("cause", ["stop", "pre-operational", "heartbeat"])
-def test_lost_connection(state, option, cause):
-    """6007h in every state: 0 nothing, 1 fault, 2 disable voltage, 3 quick stop; without torque only the
-    state changes.
+@pytest.mark.exhaustive
+@pytest.mark.requirement("C402-076")
+def test_release_of_a_halt(subtests):
+    """Pp goes on to its setpoint, velocity modes to their target, tq and cst to their torque, ip and csp to
+    what comes.
     """
+    for label, values in each([1, 2, 3, 4], [1, 2, 3, 4, 7, 8, 9, 10]):
+        with subtests.test(label):
+            check_release_of_a_halt(*values)
+
+
+LOST_CONNECTION_STATE = [
+    S.SWITCH_ON_DISABLED,
+    S.READY_TO_SWITCH_ON,
+    S.SWITCHED_ON,
+    S.OPERATION_ENABLED,
+    S.QUICK_STOP_ACTIVE,
+]
+
+
+def check_lost_connection(option, state, cause):
     bench = MovingDrive(_6007=option, _605A=6)
     if cause == "heartbeat":
         bench.write(0x1016, 5 << 16 | 20, 1)
@@ -243,3 +258,14 @@ def test_lost_connection(state, option, cause):
     assert bench.read(0x603F) == (0x8130 if option == 1 else 0)
     if state is S.OPERATION_ENABLED:
         assert bench.rpm == pytest.approx({0: RPM, 1: 0, 2: RPM, 3: 0}[option], abs=15)
+
+
+@pytest.mark.exhaustive
+@pytest.mark.requirement("C402-077", "C402-049", "C402-050", "C402-051", "C402-052")
+def test_lost_connection(subtests):
+    """6007h in every state: 0 nothing, 1 fault, 2 disable voltage, 3 quick stop; without torque only the
+    state changes.
+    """
+    for label, values in each([0, 1, 2, 3], LOST_CONNECTION_STATE, ["stop", "pre-operational", "heartbeat"]):
+        with subtests.test(label):
+            check_lost_connection(*values)

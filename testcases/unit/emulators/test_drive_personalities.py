@@ -11,12 +11,12 @@ import pytest
 from emulators.drive.cia402 import (
     DriveConfig,
     EmcyCode,
-    LinearAxisConfig,
     Personality,
     Quirks,
     load_personality,
     personality_names,
 )
+from emulators.drive.machine import NO_SWITCHES
 from fieldbus.canopen import NmtCommand
 from fieldbus.canopen.abort import SdoAbort
 from fieldbus.cia402 import DriveState as S
@@ -118,7 +118,7 @@ def test_objects_of_the_user_win_over_those_of_the_personality(make_bench):
 
 @pytest.mark.requirement("C402-091", "C402-076")
 def test_halt_blocks_acknowledge(pair):
-    """Profile: a set-point is acknowledged during halt. Quirk: bit 12 stays 0 until halt goes, then it is
+    """Profile: a setpoint is acknowledged during halt. Quirk: bit 12 stays 0 until halt goes, then it is
     taken.
     """
     acknowledged = []
@@ -137,7 +137,7 @@ def test_halt_blocks_acknowledge(pair):
 
 @pytest.mark.requirement("C402-091", "C402-092")
 def test_single_setpoint(pair):
-    """Profile: a second set-point waits in the buffer. Quirk: it is lost unless bit 5 is set."""
+    """Profile: a second setpoint waits in the buffer. Quirk: it is lost unless bit 5 is set."""
     ends = []
     for bench in pair(single_setpoint=True):
         bench.enable(1)
@@ -182,7 +182,7 @@ def test_csp_without_primed_target(pair):
         config=replace(
             REFERENCE,
             encoder=replace(REFERENCE.encoder, kind="absolute"),
-            mechanics=replace(REFERENCE.mechanics, position_m=0.02),
+            mechanics=replace(REFERENCE.mechanics, start_position_mm=20.0),
         ),
         csp_jumps_unprimed=True,
     ):
@@ -428,7 +428,7 @@ def test_the_name_can_be_read(make_bench):
 @pytest.mark.parametrize("name", personality_names())
 def test_every_personality_can_be_driven(make_bench, name):
     """Whatever its quirks: enable, csv motion, quick stop, fault, reset, enable again, by PDO."""
-    bench = make_bench(load_personality(name).apply(replace(REFERENCE, mechanics=LinearAxisConfig())))
+    bench = make_bench(load_personality(name).apply(replace(REFERENCE, switches=NO_SWITCHES)))
     bench.until(lambda: bench.drive.state is S.SWITCH_ON_DISABLED)
     bench.start_cyclic(9)
     bench.enable_cyclic()

@@ -174,7 +174,7 @@ def test_overload_can_limit_the_torque_instead(make_bench):
     free again.
     """
     bench = make_bench(
-        with_parts(thermal=ThermalConfig(i2t_time_constant_s=1.0, overload="limit"), blocked_time_s=0.0)
+        with_parts(thermal=ThermalConfig(i2t_time_constant_s=1.0, overload="limit"), blocked_time_ms=0.0)
     )
     bench.enable(3)
     bench.write(0x60FF, 1_000_000)
@@ -258,7 +258,7 @@ def test_braking_shows_in_the_dc_link(make_bench):
     """
     bench = make_bench(
         with_parts(
-            mechanics=replace(REFERENCE.mechanics, coulomb_friction=0.0, viscous_friction=0.0),
+            mechanics=replace(REFERENCE.mechanics, coulomb_friction_n=0.0, viscous_friction_n_per_m_s=0.0),
             supply=SupplyConfig(standby_w=0.0),
             thermal=ThermalConfig(motor_loss_w=0.0),
         )
@@ -280,7 +280,7 @@ def test_braking_against_a_chopper_that_gives_up(make_bench, failed, first):
     bench = make_bench(
         DriveConfig(
             mechanics=RotaryAxisConfig(load_torque=5.0, coulomb_friction=0.0),
-            rated_torque_Nm=5.0,
+            rated_torque_nm=5.0,
             supply=SupplyConfig(chopper_rated_w=20.0),
             thermal=ThermalConfig(motor_loss_w=0.0),
             objects={(0x6083, 0): 60000, (0x605E, 0): 1, (0x6084, 0): 600},
@@ -482,7 +482,7 @@ def test_interlock(make_bench, reaction, state, emcys):
 
 # -- brake ---------------------------------------------------------------------------------------------
 
-HANGING = LinearAxisConfig(gravity_force=-400.0, coulomb_friction=0.0, stops_m=(-0.6, 0.6))
+HANGING = LinearAxisConfig(gravity_n=-400.0, coulomb_friction_n=0.0)
 
 
 @pytest.mark.requirement("C402-173")

@@ -14,8 +14,9 @@ from emulators.drive.cia402 import (
     EncoderConfig,
     LinearAxisConfig,
     RotaryAxisConfig,
-    SwitchConfig,
+    SwitchesConfig,
 )
+from emulators.drive.machine import build_machine
 from fieldbus.can import CanMedium
 from fieldbus.clock import VirtualScheduler
 from fieldbus.errors import ConfigurationError
@@ -30,11 +31,11 @@ def test_reference_axis_has_the_numbers_of_the_specification():
     assert (objects[0x6084, 0], objects[0x6085, 0]) == (3_000_000, 6_000_000)
     assert (objects[0x607F, 0], objects[0x6080, 0], objects[0x605B, 0]) == (3_000_000, 3000, 1)
     assert (objects[0x60A9, 0], objects[0x6092, 1], objects[0x6092, 2]) == (0xFDB44700, 131072, 1)
-    mechanics, switches = config.mechanics.build()
+    mechanics, switches = build_machine(config.mechanics, config.switches)
     assert mechanics.stops == (-0.6, 0.6)
     assert (switches["negative_limit"].high, switches["positive_limit"].low) == (-0.55, 0.55)
     torque = 4.0 / mechanics.ratio * mechanics.motor_inertia
-    assert torque < 0.5 * config.rated_torque_Nm * 3.0
+    assert torque < 0.5 * config.rated_torque_nm * 3.0
     assert mechanics.ratio * 2 * math.pi == pytest.approx(0.010)
 
 
@@ -52,15 +53,16 @@ def test_reference_axis_with_other_ramps():
         (lambda: DriveConfig(node_id=0), "node_id"),
         (lambda: DriveConfig(servo_period_ns=300_000), "servo_period_ns"),
         (lambda: DriveConfig(limit_switch_reaction="brake"), "limit_switch_reaction"),
-        (lambda: DriveConfig(rated_torque_Nm=0.0), "rated_torque_Nm"),
+        (lambda: DriveConfig(rated_torque_nm=0.0), "rated_torque_nm"),
         (lambda: DriveConfig(missing_setpoints=-1), "missing_setpoints"),
-        (lambda: DriveConfig(boot_time_s=math.inf), "boot_time_s"),
+        (lambda: DriveConfig(boot_time_ms=math.inf), "boot_time_ms"),
         (lambda: EncoderConfig(kind="resolver"), "encoder kind"),
         (lambda: EncoderConfig(counts_per_revolution=1), "counts_per_revolution"),
-        (lambda: LinearAxisConfig(switches={"door": SwitchConfig(low=0.0)}), "switches"),
+        (lambda: SwitchesConfig(home_from_mm=3.0, home_to_mm=2.0), "home_from_mm"),
+        (lambda: LinearAxisConfig(negative_stop_mm=5.0, positive_stop_mm=5.0), "positive_stop_mm"),
         (lambda: LinearAxisConfig(load_mass_kg=-1.0), "load_mass_kg"),
         (lambda: RotaryAxisConfig(gear_ratio=0.0), "gear_ratio"),
-        (SwitchConfig, "switch range"),
+        (lambda: SwitchesConfig(hysteresis_mm=-1.0), "hysteresis_mm"),
         (lambda: BrakeConfig(torque_nm=-1.0), "brake torque_nm"),
         (lambda: DriveConfig.reference(sync_period_ms=0), "sync_period_ms"),
         (lambda: DriveConfig.reference(quick_stop_s=0.0), "quick_stop_s"),
@@ -94,7 +96,7 @@ def test_objects_of_the_configuration_become_defaults(make_bench):
     other = make_bench(
         DriveConfig(
             encoder=EncoderConfig(counts_per_revolution=4096),
-            rated_torque_Nm=1.5,
+            rated_torque_nm=1.5,
             rated_current_A=3.2,
             node_id=1,
         )

@@ -240,7 +240,7 @@ def test_default_pdos(entries):
 
 
 def test_commands_are_not_stored(entries):
-    """Set-points and the control word are never saved by 1010h."""
+    """Setpoints and the control word are never saved by 1010h."""
     for index in (0x6040, 0x607A, 0x60FF, 0x6071, 0x60B0, 0x60B1, 0x60B2):
         assert not entries[index << 8].storable
     for index in (0x6083, 0x605A, 0x6060):

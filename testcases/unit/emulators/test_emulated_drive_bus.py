@@ -296,7 +296,7 @@ def test_power_off_in_motion_coasts_in_silence(bench):
 
 def test_boot_time(make_bench):
     """The boot-up frame and Switch on disabled come after the boot time."""
-    bench = make_bench(replace(DriveConfig.reference(), boot_time_s=0.3), power=False)
+    bench = make_bench(replace(DriveConfig.reference(), boot_time_ms=300.0), power=False)
     boots = []
     bench.master.on_bootup(1, lambda: boots.append(bench.scheduler.now))
     bench.drive.power_on()
@@ -353,7 +353,7 @@ def test_overload_and_blocked_motor(make_bench):
     bench.drive.jam(True)
     bench.run(1.0)
     assert bench.emcys == [(0x2310, 0x03)]
-    bench = make_bench(replace(DriveConfig.reference(), blocked_time_s=0.2))
+    bench = make_bench(replace(DriveConfig.reference(), blocked_time_ms=200.0))
     bench.enable(3)
     bench.write(0x60FF, 1_000_000)
     bench.drive.jam(True)

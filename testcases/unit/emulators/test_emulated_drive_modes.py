@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from emulators.drive.cia402 import DriveConfig, EncoderConfig
+from emulators.drive.cia402 import DriveConfig, EncoderConfig, HomingConfig
 from fieldbus.can import HookResult
 from fieldbus.canopen import NmtCommand, SdoAbort
 from fieldbus.cia402 import DriveState as S
@@ -19,7 +19,9 @@ REV = 131072
 def frictionless() -> DriveConfig:
     """Return the reference axis without friction, for slopes and delays to the step."""
     config = DriveConfig.reference()
-    return replace(config, mechanics=replace(config.mechanics, coulomb_friction=0.0, viscous_friction=0.0))
+    return replace(
+        config, mechanics=replace(config.mechanics, coulomb_friction_n=0.0, viscous_friction_n_per_m_s=0.0)
+    )
 
 
 def position_bench(make_bench, config: DriveConfig | None = None, **values: int):
@@ -133,7 +135,7 @@ def test_a_level_of_bit_4_is_no_setpoint(make_bench):
 
 @pytest.mark.requirement("C402-092", "C402-034")
 def test_change_immediately(make_bench):
-    """Bit 5 = 1: the new set-point interrupts the running one, also into the other direction."""
+    """Bit 5 = 1: the new setpoint interrupts the running one, also into the other direction."""
     bench = position_bench(make_bench)
     setpoint(bench, 20.0, wait=0.4)
     assert turns(bench) > 3.0
@@ -169,7 +171,7 @@ def test_set_of_setpoints(make_bench):
 
 @pytest.mark.requirement("C402-092", "C402-037")
 def test_change_on_setpoint(make_bench):
-    """Bit 9 = 1: the first target is passed with its own speed, then the second set-point counts."""
+    """Bit 9 = 1: the first target is passed with its own speed, then the second setpoint counts."""
     bench = position_bench(make_bench)
     samples = bench.observe()
     setpoint(bench, 5.0)
@@ -399,7 +401,7 @@ def test_homing_on_the_present_position(make_bench, method, option, expected):
     """Methods 35 and 37: no motion; 6064h becomes -607Ch (or +607Ch); bits 13, 12, 10 = 001 before, 011
     after.
     """
-    bench = make_bench(replace(DriveConfig.reference(), home_offset=option))
+    bench = make_bench(replace(DriveConfig.reference(), homing=HomingConfig(offset=option)))
     bench.configure({0x6098: method, 0x607C: 7000})
     bench.drive.mechanics.place(0.0123)
     bench.enable(6)
@@ -692,7 +694,7 @@ def test_missing_setpoints_can_be_ignored(make_bench):
 )
 def test_lost_sync(make_bench, reaction, state):
     """With 1006h set a missing SYNC is fault 8700h, an EMCY only, or nothing; 2000h:1 counts."""
-    bench = make_bench(replace(DriveConfig.reference(), sync_loss_reaction=reaction))
+    bench = make_bench(replace(DriveConfig.reference(), sync_loss=reaction))
     bench.write(0x1006, 4000)
     bench.start_cyclic(9)
     bench.enable_cyclic()
@@ -718,7 +720,9 @@ def test_lost_sync(make_bench, reaction, state):
 )
 def test_sync_jitter(make_bench, jitter, shift_us, reaction, codes):
     """A drive that follows SYNC with a clock of its own trips when one SYNC comes too early or too late."""
-    bench = make_bench(replace(DriveConfig.reference(), sync_jitter=jitter, sync_loss_reaction=reaction))
+    bench = make_bench(
+        replace(DriveConfig.reference(), sync_jitter_percent=jitter * 100.0, sync_loss=reaction)
+    )
     bench.start_cyclic(9)
     bench.enable_cyclic()
     bench.run(0.1)
@@ -783,7 +787,7 @@ def test_following_error_monitoring(make_bench):
         ("status", 2000, S.OPERATION_ENABLED),
         ("fault", 0xFFFFFFFF, S.OPERATION_ENABLED),
     ):
-        bench = make_bench(replace(DriveConfig.reference(), following_error_reaction=reaction))
+        bench = make_bench(replace(DriveConfig.reference(), following_error=reaction))
         bench.configure({0x6065: window, 0x6066: 50, 0x6081: 600_000})
         bench.enable(1)
         bench.drive.jam(True)

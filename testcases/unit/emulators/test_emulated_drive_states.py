@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from emulators.drive.cia402 import BrakeConfig, DriveConfig, SafetyConfig, SwitchConfig
+from emulators.drive.cia402 import BrakeConfig, DriveConfig, SafetyConfig, SwitchesConfig
 from fieldbus.canopen import NmtCommand, SdoAbort
 from fieldbus.cia402 import DriveState as S
 from fieldbus.errors import UnsupportedFaultError
@@ -108,7 +108,7 @@ def test_disable_operation_ramp(make_bench, ramp_of):
 
 
 def test_shutdown_ramp_taken_back(bench):
-    """Enable operation in the middle of the ramp continues with the set-point."""
+    """Enable operation in the middle of the ramp continues with the setpoint."""
     bench.spin()
     bench.control(0x06, 0.2)
     assert bench.drive.core.speed_rpm < 1300
@@ -325,7 +325,7 @@ def test_enable_operation_from_ready_shows_switched_on(bench):
 def test_power_on_delay_and_brake_opening(make_bench):
     """Transition 3 takes the power-on delay; while the brake opens bit 2 is 1 and the axis waits."""
     config = DriveConfig(
-        power_on_delay_s=0.05, brake=BrakeConfig(torque_nm=4.0, opening_time_ms=100.0, closing_time_ms=30.0)
+        power_on_delay_ms=50.0, brake=BrakeConfig(torque_nm=4.0, opening_time_ms=100.0, closing_time_ms=30.0)
     )
     bench = make_bench(config)
     bench.set_mode(3)
@@ -348,7 +348,7 @@ def test_the_motor_holds_until_the_brake_has_closed(make_bench):
     machine = DriveConfig.reference()
     config = replace(
         machine,
-        mechanics=replace(machine.mechanics, gravity_force=-400.0),
+        mechanics=replace(machine.mechanics, gravity_n=-400.0),
         brake=BrakeConfig(torque_nm=4.0, opening_time_ms=20.0, closing_time_ms=50.0),
     )
     bench = make_bench(config)
@@ -428,7 +428,7 @@ def test_zero_decelerations_stand_for_the_maximum(bench, ramp_of):
 @pytest.mark.requirement("C402-168")
 def test_inputs_follow_the_switches(make_bench):
     """60FDh bits 0, 1, 2 are the limit switches and the home switch; forced inputs win."""
-    bench = make_bench(DriveConfig.reference(position_m=-0.52))
+    bench = make_bench(DriveConfig.reference(start_position_mm=-520.0))
     assert bench.read(0x60FD) == 0b100
     bench.drive.mechanics.place(-0.58)
     assert bench.read(0x60FD) == 0b101
@@ -449,7 +449,7 @@ def test_limit_switch_stops_the_axis(make_bench, direction):
     """Motion into a limit switch: stop with 6085h, bit 11, stays enabled; further in is refused, out is
     allowed.
     """
-    bench = make_bench(DriveConfig.reference(position_m=0.4 * direction))
+    bench = make_bench(DriveConfig.reference(start_position_mm=400.0 * direction))
     bench.spin(1200 * direction)
     bench.until(lambda: bench.read(0x60FD) & 3, 2.0)
     edge = bench.drive.mechanics.position
@@ -469,7 +469,7 @@ def test_limit_switch_stops_the_axis(make_bench, direction):
 
 def test_limit_switch_as_fault_or_left_to_the_controller(make_bench):
     """The other reactions: fault 8612h, or nothing at all."""
-    reference = DriveConfig.reference(position_m=0.45)
+    reference = DriveConfig.reference(start_position_mm=450.0)
     bench = make_bench(replace(reference, limit_switch_reaction="fault"))
     bench.spin(600)
     bench.until(lambda: bench.state is S.FAULT, 3.0)
@@ -484,7 +484,7 @@ def test_limit_switch_as_fault_or_left_to_the_controller(make_bench):
 
 def test_a_switch_that_is_not_fitted_cannot_be_forced(make_bench):
     """Forcing an input without switch is refused with a reason."""
-    bench = make_bench(DriveConfig.reference(home=None))
+    bench = make_bench(DriveConfig.reference(switches=SwitchesConfig(home_mm=None)))
     with pytest.raises(UnsupportedFaultError, match=r"'home'.*negative_limit, positive_limit"):
         bench.drive.force_input("home", True)
 
@@ -516,6 +516,8 @@ def test_injected_lies(bench):
 
 def test_home_switch_can_be_configured(make_bench):
     """The reference axis takes any home switch, or none."""
-    bench = make_bench(DriveConfig.reference(home=SwitchConfig(low=-0.01, high=0.01)))
+    bench = make_bench(DriveConfig.reference(switches=SwitchesConfig(home_from_mm=-10.0, home_to_mm=10.0)))
     assert bench.read(0x60FD) == 0b100
-    assert "home" not in make_bench(DriveConfig.reference(home=None)).drive.switches
+    assert (
+        "home" not in make_bench(DriveConfig.reference(switches=SwitchesConfig(home_mm=None))).drive.switches
+    )

@@ -41,8 +41,8 @@ class Station:
         """Send command lines and return the answers to all of them."""
         return b"".join(self.adapter.feed(line.encode("latin-1") + b"\r") for line in lines)
 
-    def hear(self, frame, time_ns=0, room=PLENTY):
-        return self.adapter.deliver(frame, time_ns, room=room)
+    def hear(self, frame, time_ns=0, free=PLENTY):
+        return self.adapter.deliver(frame, time_ns, free=free)
 
 
 @pytest.fixture
@@ -195,8 +195,8 @@ def test_overrun_of_the_line():
     station = Station()
     station.say("S6", "O")
     frame = CanFrame(0x123, bytes(8))
-    assert station.hear(frame, room=21) == b""
-    assert station.hear(frame, room=22) == b"t12380000000000000000\r"
+    assert station.hear(frame, free=21) == b""
+    assert station.hear(frame, free=22) == b"t12380000000000000000\r"
     assert station.say("F") == b"F09\r"
 
 

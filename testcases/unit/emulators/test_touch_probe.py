@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emulators.drive.cia402 import DriveConfig, SwitchConfig
+from emulators.drive.cia402 import DriveConfig, SwitchesConfig
 from fieldbus.canopen import NmtCommand, SdoAbort
 from fieldbus.clock import S
 
@@ -24,12 +24,8 @@ STAMPS = {key: 0x60D1 + place for place, key in enumerate(VALUES)}
 COUNTERS = {key: 0x60D5 + place for place, key in enumerate(VALUES)}
 
 
-def config(**switches: SwitchConfig) -> DriveConfig:
-    reference = DriveConfig.reference()
-    return replace(
-        reference,
-        mechanics=replace(reference.mechanics, switches={**reference.mechanics.switches, **switches}),
-    )
+def config(**switches: float) -> DriveConfig:
+    return DriveConfig.reference(switches=SwitchesConfig(**switches))
 
 
 def moving(make_bench, rpm: float, configuration: DriveConfig | None = None, *, settle: bool = True):
@@ -112,7 +108,10 @@ def test_a_workpiece_edge_is_latched_where_it_is(make_bench_factory, rpm, sign, 
     low = sign * offset * 0.02
     low, high = (low, low + width) if sign > 0 else (low - width, low)
     bench, samples = moving(
-        make_bench_factory, sign * rpm, config(probe2=SwitchConfig(low=low, high=high)), settle=False
+        make_bench_factory,
+        sign * rpm,
+        config(probe2_from_mm=1000.0 * low, probe2_to_mm=1000.0 * high),
+        settle=False,
     )
     bench.write(0x60B8, (ON | POSITIVE | NEGATIVE) << 8)
     bench.until(lambda: bench.read(0x60B9) == 0x0700, 10.0)
@@ -308,7 +307,7 @@ def test_values_are_in_user_units(make_bench):
 @pytest.mark.requirement("C402-168")
 def test_probe_levels_are_inputs(make_bench):
     """60FDh bits 16 and 17 show the probe inputs, whether a probe is on or not."""
-    bench = make_bench(config(probe1=SwitchConfig(low=0.001, high=0.002)))
+    bench = make_bench(config(probe1_from_mm=1.0, probe1_to_mm=2.0))
     assert bench.read(0x60FD) >> 16 == 0
     bench.drive.mechanics.place(0.0015)
     assert bench.read(0x60FD) >> 16 == 1

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 from emulators.drive.profidrive.statemachine import AxisState
+from emulators.drive.pto_settings import PtoSettings
 from emulators.io.tm_pto import PtoConfig, PtoModule
 from fieldbus.clock import MS, VirtualScheduler
 from fieldbus.profidrive import pto_telegram, telegram
@@ -20,12 +23,21 @@ SEQUENCE = (0x0450, 0x0456, 0x0457, 0x045F)
 RUN = 0x045F
 
 
+SETTINGS = frozenset(one.name for one in fields(PtoSettings))
+
+
+def channel_of(**keys):
+    """Return a channel whose terminals are not used unless the keys say so."""
+    settings = {"use_ed": False, "use_dr": False} | {key: keys.pop(key) for key in SETTINGS & set(keys)}
+    return PtoConfig(settings=PtoSettings(**settings), **keys)
+
+
 class Rig:
     def __init__(self, *, other=None, **config):
         self.scheduler = VirtualScheduler()
-        self.module = PtoModule(self.scheduler, [PtoConfig(**config), other or PtoConfig()])
+        self.module = PtoModule(self.scheduler, [channel_of(**config), other or channel_of()])
         self.channel, self.second = self.module.channels
-        self.telegram = telegram(3) if self.channel.config.standard else pto_telegram()
+        self.telegram = telegram(3) if self.channel.config.settings.standard else pto_telegram()
         self.stw1 = 0
         self.g1 = 0
         self.nsoll = 0
@@ -33,7 +45,7 @@ class Rig:
         self.got = {}
 
     def frame(self):
-        wide = self.channel.config.standard
+        wide = self.channel.config.settings.standard
         return self.telegram.setpoint.encode(
             {
                 "STW1": self.stw1,

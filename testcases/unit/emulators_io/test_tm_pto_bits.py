@@ -5,15 +5,16 @@ sources differ.
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import get_args
 
 import pytest
 
 from emulators.drive.profidrive.statemachine import AxisState
+from emulators.drive.pto_settings import Signals
 from emulators.encoder.profidrive._abilities import EncoderState
-from emulators.io.tm_pto import PtoConfig, SignalType
 from fieldbus.clock import MS, S
 from fieldbus.profidrive import pto_telegram, telegram
-from testcases.unit.emulators_io.pto_rig import RUN, S1, S2, S3, S4, S5A, S5B, SEQUENCE, Rig
+from testcases.unit.emulators_io.pto_rig import RUN, S1, S2, S3, S4, S5A, S5B, SEQUENCE, Rig, channel_of
 
 ACKNOWLEDGE = 0x8000
 MAXIMUM = 0x4000
@@ -31,13 +32,13 @@ def moving(share=1.0, **config):
 
 
 @pytest.mark.requirement("PTO-001")
-@pytest.mark.parametrize("kind", list(SignalType))
+@pytest.mark.parametrize("kind", get_args(Signals))
 @pytest.mark.parametrize("direction", [1, -1])
 def test_pulse_outputs(kind, direction):
     """Both terminals carry pulses and direction, up and down, or two tracks, of as many periods as the count
     says.
     """
-    rig = moving(0.01 * direction, signal_type=kind)
+    rig = moving(0.01 * direction, signals=kind)
     generator = rig.channel.generator
     edges = {0: 0, 1: 0}
     before = generator.levels(kind)
@@ -52,14 +53,14 @@ def test_pulse_outputs(kind, direction):
     pulses = abs(rig.count - begin)
     assert pulses == pytest.approx(100, abs=1)
     forward = direction > 0
-    if kind is SignalType.PULSE_DIRECTION:
+    if kind == "pulse_direction":
         assert edges[0] == pytest.approx(pulses, abs=1)
         assert (edges[1], before[1]) == (0, not forward)
-    elif kind is SignalType.UP_DOWN:
+    elif kind == "up_down":
         assert edges[not forward] == pytest.approx(pulses, abs=1)
         assert edges[forward] == 0
     else:
-        periods = pulses / (4 if kind is SignalType.AB_FOURFOLD else 1)
+        periods = pulses / (4 if kind == "ab_fourfold" else 1)
         assert edges[0] == pytest.approx(periods, abs=1)
         assert edges[1] == pytest.approx(periods, abs=1)
 
@@ -190,7 +191,7 @@ def test_bits_without_meaning(bit):
 @pytest.mark.requirement("PTO-038")
 def test_sign_of_life_of_the_standard_variant():
     """Of STW2 the bits 12 to 15 are the sign of life, the others are not evaluated; ZSW2 is 0."""
-    rig = moving(standard=True)
+    rig = moving(variant="standard")
     rig.stw2 = 0x0FFF
     rig(cycles=20)
     assert (rig.code, rig.got["ZSW2"], rig.channel.state) == (0, 0, S4)
@@ -440,7 +441,7 @@ def test_two_variants_side_by_side():
     """
     device, standard = pto_telegram().setpoint, telegram(3).setpoint
     assert (device.length, standard.length) == (8, 10)
-    rig = Rig(ramp_stop_ms=1, other=PtoConfig(standard=True, ramp_stop_ms=1))
+    rig = Rig(ramp_stop_ms=1, other=channel_of(variant="standard", ramp_stop_ms=1))
     for word in (*SEQUENCE, RUN, RUN):
         rig.module.receive(
             1, standard.encode({"STW1": word, "NSOLL_B": -0x1000_0000, "STW2": 0, "G1_STW": 0})

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emulators.io.tm_pto import PtoConfig, PtoModule, PulseGenerator, SignalType
+from emulators.drive.pto_settings import Signals
+from emulators.io.tm_pto import PtoConfig, PtoModule, PulseGenerator
 from fieldbus.clock import MS, S, VirtualScheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import pto_telegram, telegram
-from testcases.unit.emulators_io.pto_rig import RUN, S1, S2, S3, S4, S5A, S5B, SEQUENCE, Rig
+from testcases.unit.emulators_io.pto_rig import RUN, S1, S2, S3, S4, S5A, S5B, SEQUENCE, Rig, channel_of
 
 STATES = {S1: 0x0040, S2: 0x0001, S3: 0x0003, S4: 0x0007, S5A: 0x0007, S5B: 0x0007}
 
@@ -22,8 +24,8 @@ def test_frames():
     """8 and 16 bytes in the device variant, 10 and 18 in the standard one; another length is refused."""
     assert (pto_telegram().setpoint.length, pto_telegram().actual.length) == (8, 16)
     assert (telegram(3).setpoint.length, telegram(3).actual.length) == (10, 18)
-    for standard, right in ((False, 8), (True, 10)):
-        rig = Rig(standard=standard)
+    for variant, right in (("device", 8), ("standard", 10)):
+        rig = Rig(variant=variant)
         for length in (0, 7, 8, 9, 10, 18):
             assert rig.module.receive(0, bytes(length)) is (length == right)
         assert rig.channel.refused == 5
@@ -57,7 +59,7 @@ def test_setpoint(nsoll, maximum, rpm, hertz):
 @pytest.mark.requirement("PTO-037", "PTO-031")
 def test_standard_variant():
     """The 32-bit setpoint counts with all its bits."""
-    rig = Rig(standard=True, ramp_stop_ms=1)
+    rig = Rig(variant="standard", ramp_stop_ms=1)
     rig.start(0x2000_0001, seconds=0.1)
     assert rig.channel.speed_rpm == pytest.approx(3000 * 0x2000_0001 / 0x4000_0000, rel=1e-12)
     assert rig.got["NIST_B"] == 0x2000_0001
@@ -68,19 +70,19 @@ def test_standard_variant():
 @pytest.mark.parametrize(
     ("increments", "kind", "lowest", "highest"),
     [
-        (200, SignalType.PULSE_DIRECTION, 0.03, 6000.0),
-        (10_000, SignalType.PULSE_DIRECTION, 0.0006, 1200.0),
-        (10_000, SignalType.AB_FOURFOLD, 0.0006, 4800.0),
-        (1_000_000, SignalType.AB, 6e-6, 12.0),
+        (200, "pulse_direction", 0.03, 6000.0),
+        (10_000, "pulse_direction", 0.0006, 1200.0),
+        (10_000, "ab_fourfold", 0.0006, 4800.0),
+        (1_000_000, "ab", 6e-6, 12.0),
     ],
 )
 def test_range_of_the_maximum_speed(increments, kind, lowest, highest):
     """From 0.1 Hz to the smaller of twice the reference speed and 200 kHz; beyond it is refused."""
     for good in (lowest, highest):
-        PtoConfig(increments=increments, signal_type=kind, maximum_speed=good)
+        channel_of(increments=increments, signals=kind, maximum_speed=good)
     for bad in (lowest * 0.999, highest * 1.001):
         with pytest.raises(ConfigurationError, match="maximum_speed"):
-            PtoConfig(increments=increments, signal_type=kind, maximum_speed=bad)
+            channel_of(increments=increments, signals=kind, maximum_speed=bad)
 
 
 @pytest.mark.parametrize(
@@ -88,7 +90,7 @@ def test_range_of_the_maximum_speed(increments, kind, lowest, highest):
     [
         {"increments": 0},
         {"increments": 1_000_001},
-        {"reference_speed": 0.5},
+        {"reference_speed_rpm": 0.5},
         {"ramp_stop_ms": 0},
         {"quick_stop_ms": 65_536},
         {"reversal_pause_ms": 2},
@@ -101,7 +103,7 @@ def test_range_of_the_maximum_speed(increments, kind, lowest, highest):
 def test_configuration_is_checked(wrong):
     """A value out of its range is refused by its name."""
     with pytest.raises(ConfigurationError, match=next(iter(wrong))):
-        PtoConfig(**wrong)
+        channel_of(**wrong)
 
 
 # -- states --------------------------------------------------------------------------------------------
@@ -347,7 +349,7 @@ def test_count_and_wrap():
 )
 def test_lowest_frequency(hertz, pulses, reached):
     """Below 0.1 Hz there are no pulses; bit 10 says that, and that the maximum is reached."""
-    rig = Rig(standard=True, ramp_stop_ms=1)
+    rig = Rig(variant="standard", ramp_stop_ms=1)
     rig.start(round(0x4000_0000 * hertz / 10_000))
     rig(seconds=12 if hertz < 1 else 0.1)
     assert (rig.count > 0) is pulses
@@ -394,25 +396,25 @@ def test_signal_types():
     """Levels of the terminals: pulse and direction, up or down, and A before B in positive direction."""
     generator = PulseGenerator()
     generator.steer(0, 1000.0, 1e12)
-    rows = {kind: [] for kind in SignalType}
+    rows = {kind: [] for kind in get_args(Signals)}
     for quarter in range(4):
         generator.advance(S + quarter * MS // 4 + MS // 8)
         for kind, row in rows.items():
             row.append(generator.levels(kind))
-    assert rows[SignalType.PULSE_DIRECTION] == [(True, False)] * 2 + [(False, False)] * 2
-    assert rows[SignalType.UP_DOWN] == [(True, False)] * 2 + [(False, False)] * 2
-    assert rows[SignalType.AB] == [(False, False), (True, False), (True, True), (False, True)]
+    assert rows["pulse_direction"] == [(True, False)] * 2 + [(False, False)] * 2
+    assert rows["up_down"] == [(True, False)] * 2 + [(False, False)] * 2
+    assert rows["ab"] == [(False, False), (True, False), (True, True), (False, True)]
     edges = []
     for step in range(5):
         generator.advance(2 * S + step * MS)
-        edges.append((generator.count % 4, generator.levels(SignalType.AB_FOURFOLD)))
+        edges.append((generator.count % 4, generator.levels("ab_fourfold")))
     cycle = {0: (False, False), 1: (True, False), 2: (True, True), 3: (False, True)}
     assert all(levels == cycle[count] for count, levels in edges)
     assert len({count for count, _ in edges}) == 4
     generator.steer(3 * S, -1000.0, 1e12)
     generator.advance(4 * S + MS // 2 + MS // 8)
-    assert generator.levels(SignalType.PULSE_DIRECTION)[1]
-    assert generator.levels(SignalType.UP_DOWN)[0] is False
+    assert generator.levels("pulse_direction")[1]
+    assert generator.levels("up_down")[0] is False
 
 
 TARGETS = st.lists(

@@ -25,7 +25,9 @@ class Rig:
         self.history = History(self.scheduler)
         config = ProfidriveConfig.reference() if config is None else config
         # Tests of speed turn for long: the travel has no ends.
-        self.config = replace(config, mechanics=replace(config.mechanics, stops_m=(None, None)))
+        self.config = replace(
+            config, mechanics=replace(config.mechanics, negative_stop_mm=None, positive_stop_mm=None)
+        )
         self.drive = ProfidriveDrive(self.scheduler, self.config, name="drive", history=self.history)
         self.sign = 0
         self.sends_sign = True

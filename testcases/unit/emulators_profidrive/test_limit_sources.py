@@ -22,7 +22,7 @@ FIXED = 0x0B56FC00
 
 def build(telegram=105, **changes):
     """Return the axis with p2003 = 2 Nm and p1520 = 6 Nm, and its parameters."""
-    rig = Rig(replace(ProfidriveConfig.reference(telegram=telegram), rated_torque_Nm=40.0, **changes))
+    rig = Rig(replace(ProfidriveConfig.reference(telegram=telegram), rated_torque_nm=40.0, **changes))
     return rig, DriveParameters(rig.drive)
 
 

@@ -15,6 +15,7 @@ from emulators.drive.profidrive.parameters.store import ParameterStore
 from fieldbus.profidrive import TypeCode
 from fieldbus.profidrive.errors import ParameterAccessError
 from fieldbus.profidrive.requests import Address, Attribute, Format, Refusal, Request, Values, decode_answer
+from testcases.catalogue import each
 
 (
     PLAIN,
@@ -538,10 +539,7 @@ def test_a_broken_record_writes_nothing(server, store):
     assert store.value(PLAIN) == 7
 
 
-@pytest.mark.requirement("PD-223")
-@pytest.mark.parametrize("count", range(1, 40))
-def test_an_answer_never_exceeds_240_bytes(server, count):
-    """What does not fit is refused with 15h, and whatever fits behind it is given."""
+def check_an_answer_never_exceeds_240_bytes(server, count):
     elements = 27
     block = 2 + 4 * elements
     room_for_error = 6
@@ -553,6 +551,14 @@ def test_an_answer_never_exceeds_240_bytes(server, count):
     good = Values(TypeCode.UNSIGNED32, (0,) * elements)
     assert list(results[:-1]) == [good] * fitting + [Refusal(0x15)] * (count - 1 - fitting)
     assert results[-1] == Values(TypeCode.UNSIGNED16, (7,))
+
+
+@pytest.mark.requirement("PD-223")
+def test_an_answer_never_exceeds_240_bytes(server, subtests):
+    """What does not fit is refused with 15h, and whatever fits behind it is given."""
+    for label, values in each(range(1, 40)):
+        with subtests.test(label):
+            check_an_answer_never_exceeds_240_bytes(server, *values)
 
 
 # ------------------------------------------------------------------------------------- descriptions and texts

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import pytest
 
+from emulators.drive.positioner_config import PositionerSettings, TraversingBlock
 from emulators.drive.profidrive import AxisState, DriveSettings, ProfidriveConfig
 from emulators.drive.profidrive.config import POSITION_TELEGRAMS
-from emulators.drive.profidrive.positioner.config import PositionerSettings, TraversingBlock
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive.words import MELDW, POS_STW1, POS_STW2, POS_ZSW1, POS_ZSW2, STW1, ZSW1
 from testcases.unit.emulators_profidrive.profidrive_rig import Rig
@@ -129,7 +129,7 @@ def test_telegram_9():
 def test_telegram_7():
     """Blocks by number, and nothing else: two words."""
     rig = PositionRig(
-        7, blocks=((3, TraversingBlock(position=20_000, velocity=6_000)),), reference_position=5_000
+        7, block=(TraversingBlock(number=3, position=20_000, velocity=6_000),), reference_position=5_000
     )
     rig.enable_axis()
     rig.drive.mode.positioner.set_reference_point()

@@ -9,12 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from emulators.drive import ServoCore
-from emulators.drive.profidrive.positioner.config import (
-    BlockTask,
-    Continuation,
-    PositionerSettings,
-    TraversingBlock,
-)
+from emulators.drive.positioner_config import PositionerSettings, TraversingBlock
 from emulators.drive.profidrive.positioner.positioner import Mode, Positioner, Refused, Words
 from emulators.encoder import IncrementalEncoder
 from emulators.mechanics import LinearAxisMechanics
@@ -85,7 +80,7 @@ class Axis:
 
 def rows(**options):
     """Return settings with blocks 1, 2, ..."""
-    return {"blocks": tuple(enumerate(options["blocks"], 1))}
+    return {"block": tuple(TraversingBlock(number=n, **one) for n, one in enumerate(options["blocks"], 1))}
 
 
 # -------------------------------------------------------------------------------------------------------- MDI
@@ -297,11 +292,14 @@ def test_blocks_follow_each_other():
     axis = Axis(
         **rows(
             blocks=[
-                TraversingBlock(position=20_000, velocity=6_000, continuation=Continuation.STOP),
-                TraversingBlock(
-                    task=BlockTask.RELATIVE, position=30_000, velocity=9_000, continuation=Continuation.FLYING
-                ),
-                TraversingBlock(position=80_000, velocity=3_000),
+                {"position": 20_000, "velocity": 6_000, "continuation": "continue with stop"},
+                {
+                    "task": "relative",
+                    "position": 30_000,
+                    "velocity": 9_000,
+                    "continuation": "continue flying",
+                },
+                {"position": 80_000, "velocity": 3_000},
             ]
         )
     ).home()
@@ -326,9 +324,9 @@ def test_blocks_follow_each_other():
 def test_external_block_change():
     """The edge of bit 13 changes on the way; without it the axis waits at the target."""
     blocks = [
-        TraversingBlock(task=BlockTask.ENDLESS_POSITIVE, velocity=6_000, continuation=Continuation.EXTERNAL),
-        TraversingBlock(position=-20_000, velocity=6_000, continuation=Continuation.EXTERNAL),
-        TraversingBlock(position=5_000, velocity=6_000),
+        {"task": "endless positive", "velocity": 6_000, "continuation": "continue external"},
+        {"position": -20_000, "velocity": 6_000, "continuation": "continue external"},
+        {"position": 5_000, "velocity": 6_000},
     ]
     axis = Axis(**rows(blocks=blocks)).home().go(0.5, pos_stw1=1)
     assert axis.mechanics.velocity == pytest.approx(0.1, rel=0.01)
@@ -488,9 +486,7 @@ def test_without_home_position_there_is_no_absolute_task():
 def test_a_block_that_does_not_exist_is_refused():
     """And one without a successor ends the run of blocks."""
     axis = Axis(
-        **rows(
-            blocks=[TraversingBlock(task=BlockTask.RELATIVE, position=2_000, continuation=Continuation.STOP)]
-        )
+        **rows(blocks=[{"task": "relative", "position": 2_000, "continuation": "continue with stop"}])
     )
     axis.go(0.1, pos_stw1=9)
     assert axis.positioner.refused is Refused.NO_SUCH_BLOCK
@@ -533,7 +529,7 @@ def test_position_cams():
         ({"lu_per_revolution": 0}, "lu_per_revolution"),
         ({"software_limits": (5, 5)}, "software_limits"),
         ({"jog_velocities": (0.0, 1.0)}, "jog"),
-        ({"blocks": ((64, TraversingBlock()),)}, "blocks"),
+        ({"block": (TraversingBlock(number=1), TraversingBlock(number=1))}, "block"),
     ],
 )
 def test_wrong_settings_are_refused(options, named):
@@ -543,11 +539,13 @@ def test_wrong_settings_are_refused(options, named):
 
 
 def test_an_endless_block_cannot_wait_for_its_target():
-    """Nor can an override be 0."""
+    """Nor can an override be 0, or a number be above 63."""
     with pytest.raises(ConfigurationError, match="continuation"):
-        TraversingBlock(task=BlockTask.ENDLESS_POSITIVE, continuation=Continuation.STOP)
+        TraversingBlock(number=1, task="endless positive", continuation="continue with stop")
     with pytest.raises(ConfigurationError, match="acceleration"):
-        TraversingBlock(acceleration_percent=0)
+        TraversingBlock(number=1, acceleration_percent=0)
+    with pytest.raises(ConfigurationError, match="number"):
+        TraversingBlock(number=64)
 
 
 def test_a_rejection_makes_a_stop_in_progress_steeper():
@@ -591,8 +589,8 @@ def test_any_words_are_lived_with(course):
         software_limits=(-100_000, 100_000),
         **rows(
             blocks=[
-                TraversingBlock(task=BlockTask.RELATIVE, position=9_000, continuation=Continuation.FLYING),
-                TraversingBlock(task=BlockTask.ENDLESS_NEGATIVE, continuation=Continuation.EXTERNAL),
+                {"task": "relative", "position": 9_000, "continuation": "continue flying"},
+                {"task": "endless negative", "continuation": "continue external"},
             ]
         ),
     )

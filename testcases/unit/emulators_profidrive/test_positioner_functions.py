@@ -8,16 +8,15 @@ from dataclasses import replace
 
 import pytest
 
-from emulators.drive.machine import SwitchConfig
+from emulators.drive.positioner_config import TraversingBlock
 from emulators.drive.profidrive import AxisState, DriveParameters
-from emulators.drive.profidrive.positioner.config import BlockTask, Continuation, TraversingBlock
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive.errors import ParameterAccessError
 from fieldbus.profidrive.words import POS_STW1, POS_STW2, POS_ZSW1, POS_ZSW2, STW1, ZSW1
 from testcases.unit.emulators_profidrive.profidrive_rig import Rig
 from testcases.unit.emulators_profidrive.test_position_mode import GO, MDI, READY, RUN, PositionRig
 
-MOVE = TraversingBlock(position=10_000, velocity=6_000, continuation=Continuation.STOP)
+MOVE = TraversingBlock(number=1, position=10_000, velocity=6_000, continuation="continue with stop")
 
 
 def ready(rig):
@@ -67,13 +66,8 @@ def test_without_pulses_the_demand_follows():
 def with_probe(**positioner):
     """Return an axis with probe 1 from 30 mm to 40 mm of the travel, probe 2 from 50 mm on."""
     rig = PositionRig(**positioner)
-    mechanics = rig.config.mechanics
-    switches = {
-        **mechanics.switches,
-        "probe1": SwitchConfig(low=0.030, high=0.040, hysteresis=0.0),
-        "probe2": SwitchConfig(low=0.050, hysteresis=0.0),
-    }
-    Rig.__init__(rig, replace(rig.config, mechanics=replace(mechanics, switches=switches)))
+    switches = replace(rig.config.switches, probe1_from_mm=30.0, probe1_to_mm=40.0, probe2_from_mm=50.0)
+    Rig.__init__(rig, replace(rig.config, switches=switches))
     return rig
 
 
@@ -143,13 +137,13 @@ def test_a_target_outside_of_the_modulo_range_is_refused():
 def test_blocks_that_do_not_move():
     """Wait, outputs, jump: the direct outputs show in POS_ZSW2 bits 10 and 11, and stay."""
     rig = PositionRig(
-        blocks=(
-            (1, MOVE),
-            (2, TraversingBlock(task=BlockTask.SET_OUTPUT, parameter=3, continuation=Continuation.STOP)),
-            (3, TraversingBlock(task=BlockTask.WAIT, parameter=200, continuation=Continuation.STOP)),
-            (4, TraversingBlock(task=BlockTask.RESET_OUTPUT, parameter=1, continuation=Continuation.STOP)),
-            (5, TraversingBlock(task=BlockTask.GOTO, parameter=7)),
-            (7, TraversingBlock(position=0, velocity=6_000)),
+        block=(
+            MOVE,
+            TraversingBlock(number=2, task="set output", parameter=3, continuation="continue with stop"),
+            TraversingBlock(number=3, task="wait", parameter=200, continuation="continue with stop"),
+            TraversingBlock(number=4, task="reset output", parameter=1, continuation="continue with stop"),
+            TraversingBlock(number=5, task="goto", parameter=7),
+            TraversingBlock(number=7, position=0, velocity=6_000),
         )
     )
     ready(rig)
@@ -170,30 +164,28 @@ def test_blocks_that_do_not_move():
 @pytest.mark.parametrize(
     ("blocks", "number"),
     [
-        (((1, TraversingBlock(task=BlockTask.GOTO, parameter=9)),), 7468),
-        (((1, replace(MOVE, task=BlockTask.RELATIVE)),), 7465),
+        ((TraversingBlock(number=1, task="goto", parameter=9),), 7468),
+        ((replace(MOVE, task="relative"),), 7465),
     ],
 )
 def test_what_cannot_follow_is_a_warning(blocks, number):
     """A jump to nowhere, a successor that there is not."""
-    rig = ready(PositionRig(blocks=blocks))
+    rig = ready(PositionRig(block=blocks))
     assert rig.go(0.6, POS_STW1=1)["WARN_CODE"] == number
 
 
 def test_a_loop_of_jumps_ends_nowhere_and_can_be_rejected():
     """One block per cycle: the drive goes on living."""
-    rig = ready(PositionRig(blocks=((1, TraversingBlock(task=BlockTask.GOTO, parameter=1)),)))
+    rig = ready(PositionRig(block=(TraversingBlock(number=1, task="goto", parameter=1),)))
     assert rig.go(0.2, POS_STW1=1)["POS_ZSW1"] == POS_ZSW1.BLOCKS | 1
     assert rig.run(GO & ~STW1.NO_REJECT_TASK)["POS_ZSW1"] == 0
 
 
-@pytest.mark.parametrize(
-    ("task", "parameter"), [(BlockTask.WAIT, -1), (BlockTask.GOTO, 64), (BlockTask.SET_OUTPUT, 0)]
-)
+@pytest.mark.parametrize(("task", "parameter"), [("wait", -1), ("goto", 64), ("set output", 0)])
 def test_wrong_parameters_of_blocks_are_refused(task, parameter):
     """The message names the task."""
-    with pytest.raises(ConfigurationError, match=task.value):
-        TraversingBlock(task=task, parameter=parameter)
+    with pytest.raises(ConfigurationError, match=task):
+        TraversingBlock(number=1, task=task, parameter=parameter)
 
 
 # ------------------------------------------------------------------------------------------------- monitoring
@@ -235,7 +227,7 @@ def test_an_axis_that_is_pushed_from_its_place_is_a_fault(force, number):
 
 def test_an_axis_that_does_not_get_into_its_window_is_a_fault():
     """F07451 when the demand has been at the target for p2545."""
-    rig = ready(PositionRig(following_tolerance=1e9, standstill_time_s=0.0, positioning_time_s=0.1))
+    rig = ready(PositionRig(following_tolerance=1e9, standstill_time_ms=0.0, positioning_time_ms=100.0))
     rig.go(0.3, POS_STW1=POS_STW1.MDI, MDI_TARPOS=50_000, MDI_VELOCITY=6_000)
     rig.drive.mechanics.jam(True)
     assert rig.run(GO, 0.25)["FAULT_CODE"] == 0
@@ -278,7 +270,7 @@ def test_parameters_of_the_positioner_act_at_once():
 @pytest.mark.requirement("PD-086")
 def test_blocks_are_written_as_parameters():
     """p2616 to p2623, row by row; a row that contradicts itself is a warning when it is started."""
-    rig = PositionRig(blocks=((5, MOVE),))
+    rig = PositionRig(block=(replace(MOVE, number=5),))
     parameters = DriveParameters(rig.drive)
     assert [parameters.read(number, 0) for number in range(2616, 2624)] == [
         5,
@@ -320,7 +312,7 @@ def test_travel_to_a_fixed_stop():
     """With STW2 bit 8 the axis presses with the clamping torque where it is held up, and the task is done; no
     fault.
     """
-    rig = ready(PositionRig(clamping_torque_Nm=1.0))
+    rig = ready(PositionRig(clamping_torque_nm=1.0))
     rig.run(RUN, POS_STW1=POS_STW1.MDI, MDI_TARPOS=100_000, MDI_VELOCITY=1_800, STW2=0x0100)
     answer = rig.run(GO, 0.5)
     assert answer["POS_ZSW2"] & 0x7000 == POS_ZSW2.TRAVEL_TO_FIXED_STOP
@@ -346,7 +338,7 @@ def test_travel_to_a_fixed_stop():
 @pytest.mark.requirement("PD-091")
 def test_a_target_before_the_fixed_stop_ends_the_motion():
     """Without anything in the way the task ends at its target, and bit 12 stays 0."""
-    rig = ready(PositionRig(clamping_torque_Nm=2.0))
+    rig = ready(PositionRig(clamping_torque_nm=2.0))
     rig.run(RUN, POS_STW1=POS_STW1.MDI, MDI_TARPOS=10_000, MDI_VELOCITY=1_800, STW2=0x0100)
     answer = rig.run(GO, 1.0)
     assert answer["ZSW1"] & ZSW1.TARGET_REACHED

@@ -25,7 +25,9 @@ TELEGRAMS = sorted(WITH_750)
 def reference(**changes):
     """Return the reference axis with other settings, or other values of the configuration."""
     config = ProfidriveConfig.reference()
-    settings = {name: changes.pop(name) for name in list(changes) if name in DriveSettings.__slots__}
+    settings = {
+        name: changes.pop(name) for name in list(changes) if name in DriveSettings.__dataclass_fields__
+    }
     return replace(config, settings=replace(config.settings, **settings), **changes)
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from emulators.drive.machine import SwitchConfig
+from emulators.drive.machine import SwitchesConfig
 from emulators.drive.profidrive import AxisState, ProfidriveConfig
 from emulators.encoder.profidrive import p979
 from fieldbus.clock import MS
@@ -22,7 +22,7 @@ FINE = 2048 << 11
 def increments_of(rig, position_m):
     """Return G1_XIST1 at a position of the load, from the true machine alone."""
     turns = position_m / rig.drive.mechanics.ratio / math.tau
-    start = rig.config.mechanics.position_m / rig.drive.mechanics.ratio / math.tau
+    start = rig.config.mechanics.start_position_mm / 1000.0 / rig.drive.mechanics.ratio / math.tau
     return (turns - start) * FINE
 
 
@@ -53,9 +53,9 @@ def test_reference_mark():
 def test_probes_on_the_travel():
     """Both edges of a workpiece are latched where they are, not where the axis stands at the next cycle."""
     config = ProfidriveConfig.reference()
-    here = config.mechanics.position_m
-    workpiece = SwitchConfig(low=here + 0.0123, high=here + 0.0177)
-    rig = Rig(replace(config, mechanics=replace(config.mechanics, switches={"probe1": workpiece})))
+    here = config.mechanics.start_position_mm
+    workpiece = SwitchesConfig(probe1_from_mm=here + 12.3, probe1_to_mm=here + 17.7)
+    rig = Rig(replace(config, switches=workpiece))
     switch = rig.drive.train.switches["probe1"]
     speed = rig.speed(600.0)
     rig.enable()
@@ -136,7 +136,7 @@ def test_absolute_encoder():
     """An absolute encoder begins with its value in both words; P979 tells the formats; an incremental one has
     none: 0008h.
     """
-    config = ProfidriveConfig.reference(position_m=0.0123)
+    config = ProfidriveConfig.reference(start_position_mm=12.3)
     absolute = replace(config, encoder=replace(config.encoder, kind="absolute", turns=4096))
     rig = Rig(absolute)
     rig.cycle(RUN, G1_STW=0x2000)

@@ -22,6 +22,7 @@ from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import TypeCode, telegram
 from fieldbus.profidrive.errors import ParameterAccessError
 from fieldbus.profidrive.requests import Address, Refusal, Request, Values, decode_answer
+from testcases.catalogue import each, requirements_in
 
 
 @pytest.fixture
@@ -61,11 +62,17 @@ FACTORY = [
 ]
 
 
-@pytest.mark.parametrize(("number", "value"), FACTORY)
-def test_factory_values(store, number, value):
-    """The value of the table, and the parameter can be set."""
+def check_factory_values(store, number, value):
     assert store.value(number) == value
     assert store.is_writable(number)
+
+
+@requirements_in(FACTORY)
+def test_factory_values(store, subtests):
+    """The value of the table, and the parameter can be set."""
+    for label, values in each(FACTORY):
+        with subtests.test(label):
+            check_factory_values(store, *values)
 
 
 DISPLAYED = {
@@ -107,18 +114,15 @@ SET = {
 }
 
 
-@pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    ("number", "displayed"),
-    [
-        pytest.param(number, displayed, marks=pytest.mark.requirement(rule))
-        for table, displayed in ((DISPLAYED, True), (SET, False))
-        for rule, numbers in table.items()
-        for number in numbers
-    ],
-)
-def test_access(store, number, displayed):
-    """What the profile only shows is refused with 01h; the rest can be set in some state."""
+ACCESS_CASES = [
+    pytest.param(number, displayed, marks=pytest.mark.requirement(rule))
+    for table, displayed in ((DISPLAYED, True), (SET, False))
+    for rule, numbers in table.items()
+    for number in numbers
+]
+
+
+def check_access(store, number, displayed):
     answer = ParameterServer({1: store}).request(Request(1, 1, 1, (Address(number, 0, 1),)).encode())
     assert decode_answer(answer).positive
     if displayed:
@@ -127,6 +131,15 @@ def test_access(store, number, displayed):
         assert caught.value.error == 0x01
     else:
         assert store.is_writable(number)
+
+
+@pytest.mark.exhaustive
+@requirements_in(ACCESS_CASES)
+def test_access(store, subtests):
+    """What the profile only shows is refused with 01h; the rest can be set in some state."""
+    for label, values in each(ACCESS_CASES):
+        with subtests.test(label):
+            check_access(store, *values)
 
 
 # ---------------------------------------------------------------------------------------- lists of parameters

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emulators.drive.machine import BrakeConfig, SafetyConfig
+from emulators.drive.machine import BrakeConfig
 from emulators.drive.profidrive import AxisState, ProfidriveConfig
-from emulators.drive.profidrive.safety.config import SafeMotionConfig
-from emulators.drive.profidrive.second_encoder import SecondEncoderConfig
+from emulators.drive.safety_config import SafeMotionConfig
+from emulators.drive.second_encoder_config import RotarySecondEncoder
 from testcases.unit.emulators_profidrive.profidrive_rig import READY, RUN, Rig
 
 pytestmark = pytest.mark.exhaustive
@@ -50,17 +50,18 @@ def test_any_sequence(steps, external, with_fault):
     config = replace(
         ProfidriveConfig.reference(telegram=4),
         safety_telegram=701,
-        safety=SafetyConfig(sto="fault" if with_fault else "inhibit", ss1_time_ms=100.0),
         brake=BrakeConfig(torque_nm=5.0),
-        encoder2=SecondEncoderConfig(),
-        safe_motion=SafeMotionConfig(
+        encoder2=RotarySecondEncoder(type="incremental_rotary"),
+        safety=SafeMotionConfig(
+            sto="fault" if with_fault else "inhibit",
+            ss1_time_ms=100.0,
             ss1_external=external,
             ss2_external=external,
-            ss2_time_s=0.1,
-            sls_limits=(0.05, 0.2),
-            slp_ranges=((-0.1, 0.1),),
-            sbt_torque_Nm=3.0,
-            sbt_time_s=0.05,
+            ss2_time_ms=100.0,
+            sls_limits_mm_s=(50.0, 200.0),
+            slp_ranges_mm=((-100.0, 100.0),),
+            sbt_torque_nm=3.0,
+            sbt_time_ms=50.0,
         ),
     )
     rig = Rig(config)

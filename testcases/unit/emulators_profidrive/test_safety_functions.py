@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import pytest
 
-from emulators.drive.machine import BrakeConfig, SafetyConfig
+from emulators.drive.machine import BrakeConfig
 from emulators.drive.profidrive import AxisState, ProfidriveConfig
-from emulators.drive.profidrive.safety.config import SafeMotionConfig
+from emulators.drive.safety_config import SafeMotionConfig
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import TelegramError, telegram
 from fieldbus.profidrive.words import S_ZSW1B, ZSW1
@@ -23,7 +23,7 @@ SOS_SELECTED, SLS_SELECTED, EVENT, MESSAGE = 0x0020, 0x0040, 0x0080, 0x8000
 OPEN_BRAKE = 0x1000
 
 
-def build(number=105, *, channel=701, safety=None, brake=0.0, **safe_motion):
+def build(number=105, *, channel=701, brake=0.0, **safety):
     """Return the reference axis (10 mm per revolution, 0.5 s on OFF3 from 3000 rpm) with a safety information
     channel.
     """
@@ -32,9 +32,8 @@ def build(number=105, *, channel=701, safety=None, brake=0.0, **safe_motion):
         replace(
             config,
             safety_telegram=channel,
-            safety=safety or SafetyConfig(),
+            safety=SafeMotionConfig(**safety),
             brake=BrakeConfig(torque_nm=brake),
-            safe_motion=SafeMotionConfig(**safe_motion),
         )
     )
 
@@ -76,7 +75,7 @@ def test_safe_stop_1_brakes_on_the_off3_ramp_and_ends_in_safe_torque_off():
     """From 1500 of 3000 rpm half of p1135 passes; bit 1 all the time, bit 0 from standstill on; no start
     afterwards.
     """
-    rig = build(safety=SafetyConfig(ss1_time_ms=1000.0))
+    rig = build(ss1_time_ms=1000.0)
     rig.turn(1500.0)
     rig.drive.safety.set_ss1(True)
     rig.cycle(RUN, **rig.speed(1500.0))
@@ -97,8 +96,8 @@ def test_safe_stop_1_brakes_on_the_off3_ramp_and_ends_in_safe_torque_off():
 def test_taking_the_enable_away_disturbs_safe_stop_1():
     """With the control word kept the ramp is completed; with OFF2 in between the axis coasts from there."""
     kept, disturbed = (
-        build(safety=SafetyConfig(ss1_time_ms=1000.0)),
-        build(safety=SafetyConfig(ss1_time_ms=1000.0)),
+        build(ss1_time_ms=1000.0),
+        build(ss1_time_ms=1000.0),
     )
     for rig, word in ((kept, RUN), (disturbed, RUN & ~0x02)):
         rig.turn(1500.0)
@@ -114,7 +113,7 @@ def test_safe_stop_2_brakes_and_stays_under_control():
     """SS2 brakes on the OFF3 ramp; then the standstill is monitored in operation, and after its end setpoints
     act again.
     """
-    rig = build(ss2_time_s=1.0)
+    rig = build(ss2_time_ms=1000.0)
     rig.turn(1500.0)
     rig.drive.safety.set_ss2(True)
     rig.cycle(RUN, **rig.speed(1500.0))
@@ -141,7 +140,7 @@ def test_a_drive_that_is_moved_at_monitored_standstill_trips():
     """A force that shifts the load by more than the tolerance after SS2 leads to SS1, then STO, and a safety
     message.
     """
-    rig = build(sos_tolerance=0.0005, safety=SafetyConfig(ss1_time_ms=200.0))
+    rig = build(sos_tolerance_mm=0.5, ss1_time_ms=200.0)
     rig.turn(300.0)
     rig.drive.safety.set_ss2(True)
     rig.cycle(RUN, count=100)
@@ -161,7 +160,7 @@ def test_a_drive_that_is_moved_at_monitored_standstill_trips():
 
 def test_a_safe_stop_2_without_effect_takes_the_torque():
     """A ramp that is not kept (the drive's torque is too small) is a message with STO."""
-    rig = build(ss2_time_s=0.3)
+    rig = build(ss2_time_ms=300.0)
     rig.turn(1500.0)
     rig.drive.torque.cap(injected_Nm=0.05)
     rig.drive.safety.set_ss2(True)
@@ -176,7 +175,7 @@ def test_safe_stop_1_external_leaves_the_braking_to_the_controller(halted):
     """SS1E with a delay of 2 s: nothing happens at first; STO at 2.0 s, at standstill or while the axis still
     turns.
     """
-    rig = build(safety=SafetyConfig(ss1_time_ms=2000.0), ss1_external=True)
+    rig = build(ss1_time_ms=2000.0, ss1_external=True)
     rig.turn(1500.0)
     rig.drive.safety.set_ss1(True)
     rig.cycle(RUN, count=100, **rig.speed(1500.0))
@@ -194,7 +193,7 @@ def test_safe_stop_1_external_leaves_the_braking_to_the_controller(halted):
 @pytest.mark.requirement("CFG-452", "CFG-479", "CFG-480", "CFG-441")
 def test_safe_stop_2_external_shows_itself_in_the_third_word():
     """SS2E: bit 11 of S_ZSW3B, no braking; the standstill is monitored when the delay has passed."""
-    rig = build(ss2_external=True, ss2_time_s=0.4)
+    rig = build(ss2_external=True, ss2_time_ms=400.0)
     rig.turn(600.0)
     rig.drive.safety.set_ss2(True)
     rig.cycle(RUN, count=50, **rig.speed(600.0))
@@ -211,7 +210,7 @@ def test_safe_stop_2_external_shows_itself_in_the_third_word():
 @pytest.mark.parametrize("halted", [True, False])
 def test_safe_operating_stop_monitors_after_its_delay(halted):
     """SOS brakes nothing; who has not stopped within the delay is stopped with SS1 and then STO."""
-    rig = build(sos_delay_s=0.4, safety=SafetyConfig(ss1_time_ms=500.0))
+    rig = build(sos_delay_ms=400.0, ss1_time_ms=500.0)
     rig.turn(600.0)
     rig.drive.safety.set_sos(True)
     rig.cycle(RUN, count=90, **rig.speed(0.0 if halted else 600.0))
@@ -269,7 +268,7 @@ def test_safely_limited_speed_with_a_controller_that_reacts():
     """Level 1 of 250 mm/s with 80 %: S_V_LIMIT_B is 1200 rpm of 3000, 1999 999Ah, 200 mm/s; at that speed
     nothing trips.
     """
-    rig = build(sls_limits=(0.25,), sls_factor=0.8, sls_delay_s=0.2)
+    rig = build(sls_limits_mm_s=(250.0,), sls_factor_percent=80.0, sls_delay_ms=200.0)
     rig.turn(2400.0)
     assert rig.actual["S_V_LIMIT_B"] == 0x4000_0000  # p1082
     rig.drive.safety.set_sls(1)
@@ -291,7 +290,7 @@ def test_safely_limited_speed_with_a_controller_that_does_not_react(reaction):
     """Above 250 mm/s (1500 rpm) after the delay the drive stops by itself, as configured, and waits for a
     safe acknowledgement.
     """
-    rig = build(sls_delay_s=0.1, sls_reaction=reaction, safety=SafetyConfig(ss1_time_ms=1000.0))
+    rig = build(sls_delay_ms=100.0, sls_reaction=reaction, ss1_time_ms=1000.0)
     rig.turn(1600.0)
     rig.drive.safety.set_sls(1)
     rig.cycle(RUN, count=24, **rig.speed(1600.0))
@@ -323,7 +322,9 @@ def test_the_limit_of_a_rotary_axis_is_that_of_its_motor():
         ProfidriveConfig.reference(),
         mechanics=RotaryAxisConfig(gear_ratio=10.0),
         safety_telegram=700,
-        safe_motion=SafeMotionConfig(sls_limits=(1.0, 2.0, math.radians(900.0), 50.0), sls_factor=1.0),
+        safety=SafeMotionConfig(
+            sls_limits_mm_s=(1e3, 2e3, math.radians(900e3), 50e3), sls_factor_percent=100.0
+        ),
     )
     from emulators.drive.profidrive import ProfidriveDrive
     from fieldbus.clock import VirtualScheduler
@@ -350,7 +351,7 @@ def test_safe_direction(direction, bit):
     """Only the selected direction is permitted: motion against it, still there after the delay, is stopped by
     the drive.
     """
-    good, bad = build(sdi_delay_s=0.1), build(sdi_delay_s=0.1)
+    good, bad = build(sdi_delay_ms=100.0), build(sdi_delay_ms=100.0)
     for rig, rpm in ((good, 300.0 * direction), (bad, -300.0 * direction)):
         rig.turn(rpm)
         rig.drive.safety.set_sdi(direction)
@@ -369,7 +370,7 @@ def test_safe_direction(direction, bit):
 @pytest.mark.requirement("CFG-470", "CFG-494", "CFG-495", "CFG-496", "CFG-440", "CFG-611")
 def test_safely_limited_position():
     """Outside the selected range the drive stops by itself; S_ZSW2B shows selection and range."""
-    rig = build(slp_ranges=((-0.1, 0.1), (-0.1, 0.5)), slp_delay_s=0.0)
+    rig = build(slp_ranges_mm=((-100.0, 100.0), (-100.0, 500.0)), slp_delay_ms=0.0)
     rig.turn(600.0)
     rig.drive.safety.set_slp(2)
     assert rig.cycle(RUN, **rig.speed(600.0))["S_ZSW2B"] == 0x0090
@@ -386,7 +387,7 @@ def test_safely_limited_position():
 
 def test_messages_do_not_outlive_the_supply_but_selections_do():
     """After power-off and on the reaction is gone, and a selected function monitors again."""
-    rig = build(sls_delay_s=0.0, sls_reaction="sto")
+    rig = build(sls_delay_ms=0.0, sls_reaction="sto")
     rig.turn(1600.0)
     rig.drive.safety.set_sls(1)
     rig.cycle(RUN, count=5, **rig.speed(1600.0))
@@ -410,7 +411,7 @@ def test_the_brake_is_tested(strong, direction):
     """The drive pulls with 3 Nm at the closed brake: one of 5 Nm holds and is good, one of 1 Nm slips and is
     not.
     """
-    rig = build(brake=5.0 if strong else 1.0, sbt_torque_Nm=3.0, sbt_time_s=0.4)
+    rig = build(brake=5.0 if strong else 1.0, sbt_torque_nm=3.0, sbt_time_ms=400.0)
     rig.enable()
     place = rig.drive.mechanics.position
     rig.cycle(RUN, S_STW3B=SELECT | direction)
@@ -442,7 +443,7 @@ def test_a_brake_test_needs_an_axis_at_rest():
     """In motion, or without operation, it does not begin; deselected or switched off it ends without a
     result.
     """
-    rig = build(brake=5.0, sbt_torque_Nm=3.0)
+    rig = build(brake=5.0, sbt_torque_nm=3.0)
     rig.turn(300.0)
     assert rig.cycle(RUN, S_STW3B=SELECT | START, count=3, **rig.speed(300.0))["S_ZSW3B"] == 0x0001
     rig.cycle(RUN, count=100)
@@ -487,21 +488,21 @@ def test_refusals():
         replace(ProfidriveConfig.reference(), safety_telegram=702)
     with pytest.raises(TelegramError, match="701 does not supplement telegram 81"):
         telegram(81).with_supplement(701)
-    for wrong in (
-        {"sls_limits": ()},
-        {"sls_limits": (1.0,) * 5},
-        {"sls_limits": (0.0,)},
-        {"sls_factor": 0.0},
-        {"sls_factor": 1.1},
-        {"slp_ranges": ((1.0, 1.0),)},
-        {"slp_ranges": ((0.0, 1.0),) * 3},
-        {"sls_reaction": "off"},
-        {"ss2_time_s": 0.0},
-        {"sos_delay_s": -1.0},
-        {"sdi_tolerance": math.inf},
+    for key, value in (
+        ("sls_limits_mm_s", ()),
+        ("sls_limits_mm_s", (1.0,) * 5),
+        ("sls_limits_mm_s", (0.0,)),
+        ("sls_factor_percent", 0.0),
+        ("sls_factor_percent", 110.0),
+        ("slp_ranges_mm", ((1.0, 1.0),)),
+        ("slp_ranges_mm", ((0.0, 1.0),) * 3),
+        ("sls_reaction", "off"),
+        ("ss2_time_ms", 0.0),
+        ("sos_delay_ms", -1.0),
+        ("sdi_tolerance_mm", math.inf),
     ):
-        with pytest.raises(ConfigurationError, match=next(iter(wrong))):
-            SafeMotionConfig(**wrong)
+        with pytest.raises(ConfigurationError, match=key):
+            SafeMotionConfig(**{key: value})
     drive = build().drive
     with pytest.raises(ConfigurationError, match="1, -1"):
         drive.safety.set_sdi(2)

@@ -7,26 +7,29 @@ from dataclasses import replace
 
 import pytest
 
-from emulators.drive.machine import SwitchConfig
+from emulators.drive.machine import SwitchesConfig
 from emulators.drive.profidrive import AxisState, DriveParameters, ProfidriveConfig
-from emulators.drive.profidrive.second_encoder import SecondEncoderConfig
-from emulators.encoder.profidrive import EncoderFormat, p979
+from emulators.drive.second_encoder_config import LinearSecondEncoder, RotarySecondEncoder
+from emulators.encoder.profidrive import p979
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from fieldbus.profidrive import to_kpc
 from fieldbus.profidrive.words import ENCODER_ERRORS
 from testcases.unit.emulators_profidrive.profidrive_rig import READY, RUN, SYNCHRONISED, Rig
 
 SEARCH, READ, MEASURE, ABSOLUTE, PARK, ACKNOWLEDGE = 0x0011, 0x0020, 0x0080, 0x2000, 0x4000, 0x8000
-SCALE = EncoderFormat(periods=100_000, interpolation_bits=11, shift_xist1=11, shift_xist2=9, grid_nm=20_000)
+SCALE = LinearSecondEncoder(type="incremental_linear", offset_mm=0.0)
 """A scale of 2 m with lines of 20 um."""
-WHEEL = EncoderFormat(periods=1024, interpolation_bits=8, shift_xist1=8, shift_xist2=4)
+ABSOLUTE_SCALE = replace(SCALE, type="absolute_linear")
+WHEEL = RotarySecondEncoder(
+    type="incremental_rotary", steps_per_revolution=1024, fine_xist1_bits=8, fine_xist2_bits=4
+)
 
 
 def build(telegram=106, form=SCALE, *, switches=None, **encoder):
     config = ProfidriveConfig.reference(telegram=telegram)
     if switches is not None:
-        config = replace(config, mechanics=replace(config.mechanics, switches=switches))
-    return Rig(replace(config, encoder2=SecondEncoderConfig(form=form, **encoder)))
+        config = replace(config, switches=switches)
+    return Rig(replace(config, encoder2=replace(form, **encoder)))
 
 
 def signed(value):
@@ -53,11 +56,16 @@ def test_a_scale_on_the_load(telegram):
 
 @pytest.mark.requirement("PD-004")
 @pytest.mark.parametrize(
-    ("mounting", "ratio"), [("motor", 1.0), ("motor", -0.5), ("load", 2.0 * math.pi / 0.1)]
+    ("mounting", "ratio", "keys"),
+    [
+        ("motor", 1.0, {}),
+        ("motor", -0.5, {"gear_denominator": 2, "reversed": True}),
+        ("load", 2.0 * math.pi / 0.1, {"mm_per_revolution": 100.0}),
+    ],
 )
-def test_a_rotary_one_with_its_own_gear_and_direction(mounting, ratio):
+def test_a_rotary_one_with_its_own_gear_and_direction(mounting, ratio, keys):
     """On the motor shaft, through a gear the other way round, or as a wheel of 100 mm on the load."""
-    rig = build(form=WHEEL, mounting=mounting, ratio=ratio)
+    rig = build(form=WHEEL, mounting=mounting, **keys)
     rig.cycle(READY, count=SYNCHRONISED)
     mechanics = rig.drive.mechanics
     start = mechanics.motor_angle if mounting == "motor" else mechanics.position
@@ -73,7 +81,7 @@ def test_an_absolute_one_knows_its_place():
     """An absolute scale shows place + offset in steps * 2^9 in G2_XIST2, and again after a loss of supply
     elsewhere.
     """
-    rig = build(form=replace(SCALE, revolutions=1), offset=1.0)
+    rig = build(form=ABSOLUTE_SCALE, offset_mm=1000.0)
     for rpm in (300.0, -200.0):
         rig.turn(rpm)
         rig.drive.power_off()
@@ -83,17 +91,17 @@ def test_an_absolute_one_knows_its_place():
         where = rig.drive.mechanics.position + 1.0
         assert rig.actual["G2_ZSW"] == ABSOLUTE
         assert rig.actual["G2_XIST2"] % (1 << 32) == pytest.approx(where / 20e-6 * 512, abs=1)
-        assert rig.actual["G2_XIST1"] == 0
+        assert rig.actual["G2_XIST1"] == pytest.approx(where / 20e-6 * 2048, abs=1)
 
 
 @pytest.mark.requirement("PD-188", "PD-194", "PD-255", "CFG-300", "CFG-301", "CFG-303")
 def test_p979_tells_both():
     """Two encoders in the header, the second from sub-index 11 on; parameter 979 shows the same."""
-    rig = build(form=replace(SCALE, revolutions=1))
+    rig = build(form=ABSOLUTE_SCALE)
     row = p979(*rig.config.encoder_formats)
     assert row[0] == 0x5212
     assert row[1:6] == (0xC000_0000, 2048, 11, 9, 0)
-    assert row[11:16] == (0xC000_0001, 20_000, 11, 9, 1)
+    assert row[11:16] == (0xC000_0003, 20_000, 11, 9, 1)
     store = DriveParameters(rig.drive).store
     assert tuple(store.value(979, at) for at in range(31)) == row
     assert p979(*ProfidriveConfig.reference().encoder_formats)[0] == 0x5112
@@ -104,7 +112,7 @@ def test_its_own_reference_mark():
     """The zero mark of a wheel on the load is found by G2 alone, to the increment, and shown in its
     format.
     """
-    rig = build(form=WHEEL, ratio=math.tau / 0.05, zero_mark=1000)
+    rig = build(form=WHEEL, mm_per_revolution=50.0, zero_mark=1000)
     rig.turn(600.0)
     rig.cycle(RUN, G2_STW=SEARCH, count=300, **rig.speed(600.0))
     assert (rig.actual["G1_ZSW"], rig.actual["G2_ZSW"]) == (0, 0)
@@ -124,7 +132,7 @@ def test_probes_are_latched_by_both(mounting):
     rig = build(
         form=SCALE if mounting == "load" else WHEEL,
         mounting=mounting,
-        switches={"probe1": SwitchConfig(low=edge, high=0.02)},
+        switches=SwitchesConfig(probe1_from_mm=edge * 1000.0, probe1_to_mm=20.0),
     )
     rig.enable()
     command = MEASURE | 0x11
@@ -159,7 +167,7 @@ def test_its_errors_do_not_stop_the_axis():
     """Every code is shown in G2_XIST2 until it is acknowledged; the axis goes on turning, G1 knows nothing of
     it.
     """
-    rig = build(form=replace(SCALE, revolutions=1))
+    rig = build(form=ABSOLUTE_SCALE)
     rig.turn(300.0)
     second = rig.drive.second
     at_once = [code for code in ENCODER_ERRORS if code not in {3, 4, 5, 6, 7, 8, 10}]
@@ -223,13 +231,13 @@ def test_fault_methods():
     rig.cycle(RUN, G2_STW=SEARCH, count=100, **rig.speed(300.0))
     assert rig.actual["G2_ZSW"] == 1
     with pytest.raises(UnsupportedFaultError, match=r"drive\.encoder2: an absolute encoder has no index"):
-        build(form=replace(SCALE, revolutions=1)).drive.second.suppress_index(True)
+        build(form=ABSOLUTE_SCALE).drive.second.suppress_index(True)
     assert rig.drive.core.speed_rpm == pytest.approx(300.0, abs=0.5)
 
 
 def test_play_of_its_coupling():
     """With play the scale follows only after the load has gone through it, in both directions."""
-    rig = build(backlash=0.002)
+    rig = build(backlash_mm=2.0)
     rig.enable()
     rig.cycle(RUN, count=200, **rig.speed(60.0))
     forth = signed(rig.actual["G2_XIST1"]) / 2048 * 20e-6
@@ -267,14 +275,15 @@ def test_dynamic_servo_control_with_the_second_encoder():
 
 def test_refusals():
     """What does not fit is named."""
-    for wrong, words in (
-        ({"mounting": "gear"}, "motor, load"),
-        ({"form": SCALE, "mounting": "motor"}, "load for a linear encoder"),
-        ({"ratio": 0.0}, "not 0"),
-        ({"zero_mark": 1 << 31}, "zero_mark"),
-        ({"backlash": -1.0}, "backlash"),
+    for form, key, value in (
+        (WHEEL, "mounting", "gear"),
+        (SCALE, "mounting", "motor"),
+        (WHEEL, "gear_numerator", 0),
+        (WHEEL, "zero_mark", 1 << 31),
+        (WHEEL, "backlash_deg", -1.0),
+        (SCALE, "length_mm", 0.0),
     ):
-        with pytest.raises(ConfigurationError, match=words):
-            SecondEncoderConfig(**wrong)
+        with pytest.raises(ConfigurationError, match=key):
+            replace(form, **{key: value})
     with pytest.raises(ConfigurationError, match="p1192"):
         replace(ProfidriveConfig.reference().settings, dsc_encoder=3)

@@ -30,8 +30,8 @@ def build(telegram=105, *, torque_telegram=False, blocked_s=0.0, **settings):
         replace(
             config,
             torque_telegram=torque_telegram,
-            blocked_time_s=blocked_s,
-            rated_torque_Nm=40.0,  # heat is not the subject
+            blocked_time_ms=blocked_s * 1000.0,
+            rated_torque_nm=40.0,  # heat is not the subject
             settings=replace(config.settings, **settings),
         )
     )

@@ -463,6 +463,24 @@ def test_reset_in_the_middle_of_a_boot(net):
     assert net.user.told == ["restarted", "restarted", "in service"]
 
 
+@pytest.mark.parametrize("stored", [False, True])
+def test_node_that_somebody_stops_during_its_boot(kit, stored, subtests):
+    """Whenever a stop command of somebody else meets a boot, the node comes into service, also one that shows
+    no heartbeat until it is configured.
+    """
+    net = Net(kit, store=stored)
+    net.start()
+    for microseconds in range(200, 15_000, 1700):
+        with subtests.test(microseconds=microseconds):
+            assert net.node.in_service
+            net.port.send(CanFrame(0, bytes((NmtCommand.RESET_NODE, 5))))
+            net.run(microseconds / 1000)
+            net.port.send(CanFrame(0, bytes((NmtCommand.STOP, 5))))
+            net.run(1500)
+            assert net.node.in_service, net.node.describe()
+            assert net.slave.nmt_state is NmtState.OPERATIONAL
+
+
 # -- supervision
 # -----------------------------------------------------------------------------------------------------
 

@@ -277,7 +277,7 @@ def test_load_dictionary(kit, tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("none.eds", None, "readable"),
+        ("none.eds", None, "cannot be read"),
         ("drive.txt", "", "ending"),
         ("broken.eds", "[1000]\nno value here\n", "well-formed"),
         (

@@ -16,6 +16,7 @@ from fieldbus.modbus import (
     RegisterRefusal,
     WordOrder,
 )
+from testcases.catalogue import each
 
 START, COUNT = 10, 2200
 LAST = START + COUNT - 1
@@ -146,42 +147,47 @@ def test_a_coil_is_on_or_off(server, registers, value):
     assert registers.get(Area.COILS, START) == before
 
 
-@pytest.mark.requirement("MODB-024")
-@pytest.mark.parametrize(
-    "text",
-    [
-        "03",
-        "0300",
-        "03000a00",
-        "03000a000100",
-        "06000a00",
-        "06000a000100",
-        "05000aff0000",
-        "16000a00000000ff",
-        "16000a0000",
-        "0f000a000901ff",
-        "0f000a000802ffff",
-        "0f000a000801",
-        "10000a00020400010002ff",
-        "10000a000203000100",
-        "10000a0002040001",
-        "10000a0002",
-        "17000a0001000a00010300010000",
-        "17000a0001000a00010200",
-        "17000a0001",
-        "0800",
-        "080001",
-        "0800010000ff",
-        "2b0e01",
-        "2b0e010000",
-        "2b0e0500",
-        "2b0e0000",
-    ],
-)
-def test_wrong_lengths_and_byte_counts_are_refused(server, text):
-    """A request that is too short, too long, or whose byte count does not fit is exception 03."""
+WRONG_LENGTHS_AND_BYTE_COUNTS_ARE_REFUSED_CASES = [
+    "03",
+    "0300",
+    "03000a00",
+    "03000a000100",
+    "06000a00",
+    "06000a000100",
+    "05000aff0000",
+    "16000a00000000ff",
+    "16000a0000",
+    "0f000a000901ff",
+    "0f000a000802ffff",
+    "0f000a000801",
+    "10000a00020400010002ff",
+    "10000a000203000100",
+    "10000a0002040001",
+    "10000a0002",
+    "17000a0001000a00010300010000",
+    "17000a0001000a00010200",
+    "17000a0001",
+    "0800",
+    "080001",
+    "0800010000ff",
+    "2b0e01",
+    "2b0e010000",
+    "2b0e0500",
+    "2b0e0000",
+]
+
+
+def check_wrong_lengths_and_byte_counts_are_refused(server, text):
     data = bytes.fromhex(text)
     assert server.respond(data, serial=True) == refused(data[0], 3)
+
+
+@pytest.mark.requirement("MODB-024")
+def test_wrong_lengths_and_byte_counts_are_refused(server, subtests):
+    """A request that is too short, too long, or whose byte count does not fit is exception 03."""
+    for label, values in each(WRONG_LENGTHS_AND_BYTE_COUNTS_ARE_REFUSED_CASES):
+        with subtests.test(label):
+            check_wrong_lengths_and_byte_counts_are_refused(server, *values)
 
 
 @pytest.mark.requirement("MODB-014", "MODB-015", "MODB-017", "MODB-018")

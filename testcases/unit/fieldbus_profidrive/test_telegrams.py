@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldbus.profidrive import (
@@ -20,6 +20,7 @@ from fieldbus.profidrive import (
     pto_telegram,
     telegram,
 )
+from testcases.catalogue import each
 
 D = "double word"
 W = "word"
@@ -134,13 +135,18 @@ def reference(rows, values):
     return out
 
 
+def check_number_of_words(number):
+    assert (telegram(number).setpoint.words, telegram(number).actual.words) == COUNTS[number]
+
+
 @pytest.mark.requirement(
     *(f"PD-{number:03}" for number in (*range(1, 29),)), *(f"CFG-{n}" for n in range(225, 242))
 )
-@pytest.mark.parametrize("number", COUNTS)
-def test_number_of_words(number):
+def test_number_of_words(subtests):
     """Every telegram has as many words in both directions as its table says."""
-    assert (telegram(number).setpoint.words, telegram(number).actual.words) == COUNTS[number]
+    for label, values in each(COUNTS):
+        with subtests.test(label):
+            check_number_of_words(*values)
 
 
 def test_every_telegram_is_in_the_tables():
@@ -173,6 +179,7 @@ def test_every_telegram_is_in_the_tables():
     "PD-348",
 )
 @pytest.mark.parametrize("number", WORDS)
+@settings(max_examples=20)
 @given(data=st.data())
 def test_every_word_stands_where_the_table_says(number, data):
     """Arbitrary values come out in the order, width and byte order of the table, and back."""

@@ -10,10 +10,11 @@ from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from hil.bench import load_bench
 from hil.bench.bench import Bench
 from hil.bench.config import BenchFileError, parse, read
-from hil.campaign import CaseSettings, execute_case
+from hil.campaign import CaseSettings, execute_case, load_campaign
 from hil.faults import Injector
 from reports.model import Verdict
 from testcases.campaigns import stop_modes
+from testcases.stop_sample import sampled_stops
 
 pytestmark = pytest.mark.exhaustive
 
@@ -55,7 +56,8 @@ CASES = [
         name, case, id=f"{name}-{case.identifier}", marks=pytest.mark.requirement(*case.requirements)
     )
     for name in ("analog", "stepper")
-    for case in stop_modes.CAMPAIGN.cases
+    for stop, phase in sampled_stops()
+    for case in [stop_modes.CAMPAIGN[f"stop-modes/{stop}/{phase}"]]
 ]
 
 
@@ -68,8 +70,8 @@ def files():
 @pytest.mark.requirement("STP-297", "STP-330", "STP-332", "STP-377", "STP-398")
 @pytest.mark.parametrize(("name", "case"), CASES)
 def test_stop_modes(name, case, files):
-    """Every stop from every phase passes on an analog drive and on a stepper motor, with all always-on
-    checkers.
+    """Every stop, and every ramp in every phase, pass on an analog drive and on a stepper motor, with all
+    always-on checkers.
     """
     result = execute_case(case, files[name], CaseSettings(seed=1)).result
     assert result.verdict is Verdict.PASSED, result.message
@@ -314,6 +316,44 @@ def test_lost_steps_are_seen_in_the_record_only(kind, parameters):
             assert trace["drive1.lost_increments"].values[-1] == 10 * 4 * 10
         else:
             assert trace["drive1.out_of_step"].values[-1]
+
+
+def test_an_encoder_on_the_shaft_of_a_stepper_motor():
+    """An encoder with `mounting = "motor"` reads the shaft that the pulses turn, lost steps included."""
+    encoder = """
+[encoder.shaft]
+segment = "can0"
+node_id = 40
+on = "drive1"
+mounting = "motor"
+steps_per_revolution = 4000
+"""
+    with built(STEPPER + encoder) as bench:
+        travelling(bench, 100.0)
+        Injector(bench).inject("pto.step_loss", periods=10)
+        bench.run_for(0.5)
+        trace = bench.trace()
+        revolutions = trace["drive1.position"].values / 0.010
+        shown = trace["shaft.position_value"].values / 4000.0
+        assert revolutions[-1] > 5.0
+        assert shown[-1] - shown[1] == pytest.approx(revolutions[-1] - revolutions[1], abs=0.05)
+        assert trace["axis1.actual_position"].values[-1] / 10.0 - revolutions[-1] > 0.15
+
+
+@pytest.mark.parametrize(
+    ("module", "identifier", "reason"),
+    [
+        ("drive_faults", "drive-faults/trip/encoder-wire/standstill", "needs a drive with profile cia402 or"),
+        ("cia402_drive", "cia402-drive/sync-lost/standstill", "drive1 is on net0"),
+        ("commissioning", "commissioning/wire-break/jog", "drive1 has analog"),
+        ("fault_reactions", "fault-reactions/corrupted-frames", "needs a drive on CAN"),
+    ],
+)
+def test_cases_for_another_drive_are_blocked(module, identifier, reason, files):
+    """A shipped case that an analog drive cannot have ends blocked, with what it needs."""
+    case = load_campaign(f"testcases.campaigns.{module}:CAMPAIGN")[identifier]
+    result = execute_case(case, files["analog"], CaseSettings(seed=1)).result
+    assert (result.verdict, reason in result.message) == (Verdict.BLOCKED, True), result.message
 
 
 def test_faults_where_there_is_nothing_to_break():

@@ -4,6 +4,8 @@ instruction specification).
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from hil.bench import load_bench
@@ -24,9 +26,7 @@ def bench(stop=False, **variables):
     )
     drive = config.drive["drive1"]
     if stop:
-        drive = drive.model_copy(
-            update={"mechanics": drive.mechanics.model_copy(update={"positive_stop_mm": STOP_MM})}
-        )
+        drive = drive.model_copy(update={"mechanics": replace(drive.mechanics, positive_stop_mm=STOP_MM)})
     return Bench(config.model_copy(update={"axis": {"axis1": axis}, "drive": {"drive1": drive}}), seed=1)
 
 

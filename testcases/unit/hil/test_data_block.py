@@ -160,7 +160,7 @@ def test_structure_of_another_telegram():
         port = bench.axis().port
         with pytest.raises(ConfigurationError, match="PD_TEL105, the telegram of the drive"):
             port.connect_block(block["spare"], block["machine.torque"])
-        with pytest.raises(ConfigurationError, match="with PD_TEL750 beside it"):
+        with pytest.raises(ConfigurationError, match="together with PD_TEL750"):
             port.connect_block(block["slide"])
         with pytest.raises(ConfigurationError, match="PD_TEL750"):
             port.connect_block(block["slide"], block["spare"])

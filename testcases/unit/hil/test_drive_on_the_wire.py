@@ -244,7 +244,7 @@ def test_the_encoder_is_disturbed_while_it_works():
 
 @pytest.mark.requirement("STP-550")
 def test_true_position_and_encoder_are_both_there():
-    """With the encoder frozen the axis sees no motion; the machine itself, recorded beside it, coasts on."""
+    """With the encoder frozen the axis sees no motion; the machine itself, recorded separately, coasts on."""
     with bench(variables={"FollowingError.EnableMonitoring": False}) as machine:
         axis = enabled(machine)
         axis.move_velocity(300.0, Acceleration=2000.0, Jerk=0.0)

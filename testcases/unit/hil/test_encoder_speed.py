@@ -44,7 +44,7 @@ reference_speed = 1000.0
 
 
 def moving(encoder, name, velocity=100.0, apart="", **variables):
-    """Return a bench whose axis moves on its motor encoder, with another one beside it."""
+    """Return a bench whose axis moves on its motor encoder, with another one in addition."""
     text = read("reference")[1]
     lines = "".join(f'"{path}" = {value}\n' for path, value in variables.items())
     if not apart:

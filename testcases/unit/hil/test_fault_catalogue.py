@@ -17,7 +17,7 @@ from hil.bench.remote import RemoteDrive
 from hil.faults import CATALOGUE, DRIVE_METHODS, Fault, handbook
 from testcases.unit.hil.fault_benches import Stage, situation_of, undisturbed
 
-PAGE = (Path(__file__).parents[3] / "docs" / "faults.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "faults.md").read_text(encoding="utf-8")
 FOR_GOOD = ("mechanics.coupling_break",)
 """Kinds that nothing repairs in the same case."""
 
@@ -71,7 +71,7 @@ def test_the_example_acts_and_ends(entry):
 
 
 def test_the_page_of_the_handbook_is_current():
-    """The page is what `python -m hil.faults.handbook docs/faults.md` writes."""
+    """The page is what `python -m hil.faults.handbook docs/reference/faults.md` writes."""
     assert handbook.page(handbook.head_of(PAGE)) == PAGE
 
 

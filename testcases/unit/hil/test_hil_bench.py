@@ -10,6 +10,7 @@ from hil.bench.config import parse, read
 from hil.errors import BlockedError, ConfigurationError, UnsupportedFaultError
 from hil.faults import after, at, position, velocity
 from motion.s7.instructions import MC_SaveAbsoluteEncoderData
+from testcases.catalogue import each
 
 LIVE = """
 [bench]
@@ -80,12 +81,18 @@ def test_physical_drive_has_no_fault_interface():
                 bench.drive(name)
 
 
-@pytest.mark.parametrize("value", [None, "", "5", [], float("inf"), float("nan"), 10**400])
-@pytest.mark.parametrize("make", [at, after, position, velocity])
-def test_trigger_argument_that_is_no_usable_number(make, value):
-    """A trigger says at once which argument is wrong and what is allowed."""
+def check_trigger_argument_that_is_no_usable_number(value, make):
     with pytest.raises(ConfigurationError, match=make.__name__):
         make(value)
+
+
+def test_trigger_argument_that_is_no_usable_number(subtests):
+    """A trigger says at once which argument is wrong and what is allowed."""
+    for label, values in each(
+        [None, "", "5", [], float("inf"), float("nan"), 10**400], [at, after, position, velocity]
+    ):
+        with subtests.test(label):
+            check_trigger_argument_that_is_no_usable_number(*values)
 
 
 @pytest.mark.parametrize(
@@ -111,7 +118,7 @@ def test_a_start_value_is_no_text(value):
     with pytest.raises(BenchFileError) as caught:
         parse(text.replace(line, f'"PositionControl.Kv" = {value}'), "bench.toml")
     message = str(caught.value)
-    assert message.startswith("bench.toml: axis.axis1.variables.PositionControl.Kv: ")
+    assert message.startswith('bench.toml: axis.axis1.variables."PositionControl.Kv": ')
     assert message.endswith("is not allowed; allowed: a number, true or false")
     assert "\n" not in message
 

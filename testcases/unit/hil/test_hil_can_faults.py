@@ -9,6 +9,7 @@ from fieldbus.can import CanFrame, NodeState, frame_bits, worst_case_bits
 from fieldbus.clock import MS, US, S
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from hil.faults import CATALOGUE, Fault, Injector, after
+from testcases.catalogue import each
 from testcases.unit.hil.toybench import ToyBench
 
 TPDO = 0x185
@@ -210,9 +211,7 @@ def test_unplugged_node_stays_error_passive_and_comes_back(bench, faults):
     assert drive.state is NodeState.ERROR_ACTIVE
 
 
-@pytest.mark.parametrize("offset_us", range(0, 4200, 97))
-def test_cable_may_break_and_be_mended_at_any_time(offset_us):
-    """In the middle of frames or between them: afterwards everybody talks with everybody again."""
+def check_cable_may_break_and_be_mended_at_any_time(offset_us):
     bench = ToyBench(seed=1)
     bench.run_for(0.1)
     bench.scheduler.run_for(offset_us * US)
@@ -224,6 +223,14 @@ def test_cable_may_break_and_be_mended_at_any_time(offset_us):
     now = bench.scheduler.now / S
     assert len(frames(bench, TPDO, now - 0.1)) == 25
     assert [one.name for one in bench.medium.ports].count("drive1") == 1
+
+
+@pytest.mark.exhaustive
+def test_cable_may_break_and_be_mended_at_any_time(subtests):
+    """In the middle of frames or between them: afterwards everybody talks with everybody again."""
+    for label, values in each(range(0, 4200, 97)):
+        with subtests.test(label):
+            check_cable_may_break_and_be_mended_at_any_time(*values)
 
 
 @pytest.mark.requirement("CANP-078")

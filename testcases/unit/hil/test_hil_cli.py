@@ -7,13 +7,14 @@ import sys
 
 import pytest
 
-from hil._commands.terminal import time_left
+from hil._commands.terminal import CaseProgress, time_left
 from hil._plugin_results import RequirementLog, write_results
 from hil._requirements import requirements
 from hil.campaign import SHIPPED
 from hil.campaign._lock import only_run_in
 from hil.cli import main
 from hil.faults import CATALOGUE
+from reports.model import CaseResult, Verdict
 from reports.store import load_run
 
 pytestmark = pytest.mark.exhaustive
@@ -209,7 +210,7 @@ def test_a_case_is_replayed_from_its_token(capsys, tmp_path):
     (original,) = load_run(tmp_path / "rep").cases
     code, out, _ = call(capsys, "replay", original.token, "--report", "again")
     assert code == 1
-    assert out.startswith("failed  toy/wrong\nalarm 999: failed")
+    assert out.startswith("failed  toy/wrong\nAlarm 999 did not come")
     (repeated,) = load_run(tmp_path / "again").cases
     assert repeated.trace_digest == original.trace_digest
     assert (tmp_path / "again" / "report.html").exists()
@@ -449,3 +450,27 @@ def test_the_rest_of_the_time_is_estimated():
     assert time_left(100.0, 1, 61) == "about 1:41:40 left"
     assert time_left(10.0, 0, 20) == ""
     assert time_left(10.0, 20, 0) == ""
+
+
+def test_a_run_that_is_not_watched_prints_a_line_for_each_group(capsys):
+    """Piped, a group gets a line when its last case has ended, a bad case at once; with -v every case."""
+    results = [
+        CaseResult("a/1", "", Verdict.PASSED, group="a", wall_s=0.5),
+        CaseResult("b/1", "", Verdict.FAILED, "Alarm 421 did not come", group="b", wall_s=1.0),
+        CaseResult("a/2", "", Verdict.PASSED, group="a", wall_s=1.0),
+        CaseResult("c/1", "", Verdict.PASSED, group="c", wall_s=1.0),
+    ]
+    with CaseProgress(5, groups={"a": 2, "b": 1, "c": 2}) as progress:
+        for done, result in enumerate(results, start=1):
+            progress.case_done(result, done, 5)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0].startswith("[2/5] failed  b/1 (1.00 s)")
+    assert lines[1:] == [
+        "    Alarm 421 did not come",
+        "b: 1 failed (1.0 s)",
+        "a: 2 passed (1.5 s)",
+        "c: 1 passed (1.0 s)",
+    ]
+    with CaseProgress(5, groups={"a": 2}, verbose=True) as progress:
+        progress.case_done(results[0], 1, 5)
+    assert capsys.readouterr().err.startswith("[1/5] passed  a/1 (0.50 s)")

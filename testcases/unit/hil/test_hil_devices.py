@@ -111,7 +111,7 @@ drive = "d"
 
 @pytest.fixture
 def bench_file(tmp_path):
-    """Write a bench file with the station's EDS beside it; return it, loaded."""
+    """Write a bench file with the station's EDS next to it; return it, loaded."""
 
     def write(text):
         (tmp_path / "station.eds").write_text(STATION)
@@ -234,7 +234,7 @@ def test_node_in_a_drive_process(bench_file):
         (NODE.replace("node_id = 20", "node_id = 0"), "device.io.node_id: 0"),
         (
             NODE.replace("eds =", "edz ="),
-            "device.io.edz: unknown key; allowed: segment, node_id, eds, storage",
+            "device.io.edz: unknown key; did you mean eds\\? allowed: segment, node_id, eds, storage",
         ),
         ('[device.io]\nsegment = "can0"\nnode_id = 2\n', "device.io.eds: the key is missing"),
         ("[device.io]\nsegment = 1\nnode_id = 2\neds = 3\n", "device.io.eds: 3"),
@@ -247,9 +247,11 @@ def test_mistakes_in_the_bench_file(bench_file, text, message):
 
 
 def test_files_that_are_not_there(bench_file):
-    """An EDS that does not exist is named when the bench is built."""
+    """An EDS that does not exist is named with bench file and device when the bench is built."""
     file = bench_file(NODE.replace("station", "none"))
-    with pytest.raises(ConfigurationError, match=r"none\.eds"):
+    with pytest.raises(
+        ConfigurationError, match=r"bench\.toml: device\.io: eds: .*none\.eds' cannot be read"
+    ):
         file.build()
 
 

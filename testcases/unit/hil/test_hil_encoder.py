@@ -474,7 +474,7 @@ HEAD = '[encoder.a]\nsegment = "can0"\nnode_id = 20\n'
         (HEAD + "[encoder.a.shaft]\nprofile = [[-1.0, 2.0]]\n", r"encoder.a.shaft.profile"),
         (
             HEAD + "[encoder.a.shaft]\nspeed = 1.0\n",
-            r"unknown key; allowed: profile, repeat, speed_rpm; similar: speed_rpm",
+            r"unknown key; did you mean speed_rpm\? allowed: profile, repeat, speed_rpm",
         ),
         (
             HEAD + "steps_per_revolution = 16777216\n",

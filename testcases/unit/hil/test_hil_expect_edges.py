@@ -234,11 +234,11 @@ def test_what_a_failure_tells(trace, word):
         assert check.value is not None
         assert "the limit" in describe(check)
     if check.signal:
-        assert check.signal in expectation.signals_named()
-    for name in expectation.signals_named():
+        assert check.signal in expectation.signals_on(trace)
+    for name in expectation.signals_on(trace):
         assert name in trace or name == "drive1.state"
     of_events = {"alarm", "no_alarm", "happens", "never_happens", "event_order", "state_at", "job_output"}
-    assert bool(expectation.signals_named()) is (word not in of_events)
+    assert bool(expectation.signals_on(trace)) is (word not in of_events)
 
 
 THROUGHOUT = {

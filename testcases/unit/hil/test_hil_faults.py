@@ -111,16 +111,18 @@ def test_frame_faults_come_back_from_json(kind, count, duration, can_id, probabi
 
 def test_a_wrong_kind_gets_a_proposal():
     """A misspelt kind names itself and the near ones."""
-    with pytest.raises(ConfigurationError, match=r"'drive.fualt' is not allowed; allowed: drive\.fault"):
+    with pytest.raises(
+        ConfigurationError, match=r"'drive.fualt' is not a kind of fault; similar: drive\.fault"
+    ):
         Fault("drive.fualt")
-    with pytest.raises(ConfigurationError, match=r"drive\.fault"):
+    with pytest.raises(ConfigurationError, match=r"`hil faults` lists them"):
         fault_type("nonsense")
 
 
 @pytest.mark.parametrize(
     ("kind", "parameters", "words"),
     [
-        ("drive.fault", {}, "code: None is not allowed; allowed: a whole number 1..65535"),
+        ("drive.fault", {}, "code is missing; allowed: a whole number 1..65535"),
         ("drive.fault", {"code": 0}, "code: 0 is not allowed"),
         ("drive.fault", {"code": 1.5}, "code: 1.5 is not allowed"),
         ("drive.fault", {"code": True}, "code: True is not allowed"),

@@ -26,9 +26,20 @@ from hil.fuzz import (
 )
 from hil.fuzz._provider import BACKEND
 from reports.model import Verdict
-from testcases.unit.hil.toybench import BENCH, CREEPING, DEAF, DOUBLE, NOISY, ToyBench, ToyBenchFile
+from testcases.unit.hil.toybench import (
+    BENCH,
+    CREEPING,
+    DEAF,
+    DOUBLE,
+    NOISY,
+    ToyBench,
+    ToyBenchFile,
+    found_defect,
+)
 
 pytestmark = pytest.mark.exhaustive
+one_worker = pytest.mark.xdist_group("search of toybench")
+"""Where the search is not repeated for every test."""
 
 SAMPLE = ToyBench()
 JOB_NAMES = job_names(SAMPLE.axis())
@@ -242,11 +253,12 @@ def test_the_search_finds_nothing_on_a_sound_bench():
     assert report.cases == 40
 
 
+@one_worker
 def test_the_search_finds_shrinks_and_replays_a_defect():
     """A planted defect is found, its program shrunk to the steps that matter, and the token leads back to
     it.
     """
-    report = search(DOUBLE, cases=100, longest=8, seed=9, bench="testcases.unit.hil.toybench:DOUBLE")
+    report = found_defect()
     failure = report.failure
     assert failure.violation.invariant == "one job output"
     assert report.repeatable
@@ -258,9 +270,10 @@ def test_the_search_finds_shrinks_and_replays_a_defect():
     assert again.trace.digest() == failure.trace.digest()
 
 
+@one_worker
 def test_the_same_seed_searches_in_the_same_way():
     """The search is repeatable: the same seed finds the same program, another one searches elsewhere."""
-    first, second = search(DOUBLE, cases=100, longest=8, seed=9), search(DOUBLE, cases=100, longest=8, seed=9)
+    first, second = found_defect(), search(DOUBLE, cases=100, longest=8, seed=9)
     assert first.failure.program == second.failure.program
     assert first.cases == second.cases
 

@@ -31,7 +31,7 @@ from hil.fuzz import (
 from hil.fuzz._situations import FAMILIES
 from hil.fuzz._strategies import descendants
 from reports.model import Verdict
-from testcases.unit.hil.toybench import BENCH, DOUBLE
+from testcases.unit.hil.toybench import BENCH, DOUBLE, found_defect
 
 pytestmark = pytest.mark.exhaustive
 
@@ -97,13 +97,13 @@ def test_descendants_are_programs_of_bounded_length(data):
 def test_a_search_goes_on_from_its_corpus(tmp_path):
     """What reached something new is kept; the next search runs it first and knows what it had reached."""
     folder = tmp_path / "corpus"
-    first = search(BENCH, cases=30, seed=1, on_new=Corpus(folder).keep)
+    first = search(BENCH, cases=16, seed=1, on_new=Corpus(folder).keep)
     corpus = Corpus(folder)
-    assert 0 < len(corpus.programs) <= 30
+    assert 0 < len(corpus.programs) <= 16
     again = search(BENCH, cases=len(corpus.programs), seed=1, parents=corpus.programs)
     assert again.reached == first.reached
     assert again.known == len(again.reached)
-    more = search(BENCH, cases=60, seed=2, parents=corpus.programs)
+    more = search(BENCH, cases=32, seed=2, parents=corpus.programs)
     # other benches, of another seed: what these programs reach there
     there = search(BENCH, cases=len(corpus.programs), seed=2, parents=corpus.programs)
     assert more.known == len(there.reached)
@@ -163,12 +163,13 @@ def test_the_number_of_processes_changes_nothing(tmp_path, monkeypatch):
 # -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.xdist_group("search of toybench")
 def test_a_finding_becomes_a_case_by_one_command(tmp_path, capsys, monkeypatch):
     """`hil keep` writes program and campaign; `hil run` fails on the defect and passes where there is
     none.
     """
     monkeypatch.chdir(tmp_path)
-    found = search(DOUBLE, cases=100, longest=8, seed=9, bench=DOUBLE_NAME)
+    found = found_defect()
     assert main(["keep", found.token, "--title", "Done and Error together", "--json"]) == 0
     kept = json.loads(capsys.readouterr().out)
     assert not kept["passes"]

@@ -182,7 +182,7 @@ def test_a_watch_costs_nothing_once_it_has_fired(bench, faults):
 )
 def test_a_trigger_on_a_kind_that_nobody_emits_is_refused(bench, faults, options, key):
     """It would never fire, and say nothing; the message names near kinds, and nothing is armed."""
-    with pytest.raises(ConfigurationError, match=rf"{key}.*(alarm\.raised|axis\.state|job\.done)"):
+    with pytest.raises(ConfigurationError, match=rf"{key}.*(alarm\.raised|axis\.state|job\.started)"):
         faults.inject("mechanics.jam", **options)
     assert faults.armed == []
 

@@ -31,6 +31,7 @@ from hil.expect import (
     word_sequence,
 )
 from hil.logs import read_bus_log, trace_of_log
+from reports.html.packing import unpacked
 from reports.model import Verdict
 
 pytestmark = pytest.mark.exhaustive
@@ -425,12 +426,15 @@ def test_the_command_judges_and_reports(log_file, tmp_path, capsys, by, more, co
     assert [case["verdict"] for case in answer["cases"]] == verdicts
     assert "are judged: state transitions of drive1" in answer["notes"][-1]
     page = (report / "report.html").read_text()
-    assert "axis1.actual_velocity" in page
+    packed_cases = page.split('id="data-case-')[1:]
+    data = [unpacked(one.partition(">")[2].partition("<")[0]) for one in packed_cases]
+    assert "axis1.actual_velocity" in json.dumps(data)
     if "failed" in verdicts:
         (check,) = [one for one in answer["cases"][0]["checks"] if one["verdict"] == "failed"]
         assert check["time_s"] == pytest.approx(0.7, abs=0.2)
+        assert check["sentence"].endswith(" s (allowed: 1 mm/s)")
         assert check["margin"] == pytest.approx(check["high"] - abs(check["value"]))
-        assert "TPDO1 drive1: Statusword" in page
+        assert "TPDO1 drive1: Statusword" in json.dumps(data)
 
 
 def test_the_command_judges_a_saved_trace(case, tmp_path, capsys):

@@ -2,6 +2,8 @@
 of it.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ def machine(fault, *, velocity=0.0, after_s=0.3, gravity_n=0.0, **options):
     file = load_bench("reference")
     if gravity_n:
         section = file.config.drive["drive1"]
-        heavy = section.mechanics.model_copy(update={"gravity_n": gravity_n})
+        heavy = replace(section.mechanics, gravity_n=gravity_n)
         drives = {"drive1": section.model_copy(update={"mechanics": heavy})}
         file.config = file.config.model_copy(update={"drive": drives})
     with file.build() as bench:

@@ -215,7 +215,7 @@ def test_a_virtual_bench_without_axes_is_silent_too():
         ('bridge = { channel = "a" }', r"segment\.can0\.bridge: both sides are virtual a"),
         (
             'bridge = { chanel = "b" }',
-            r"segment\.can0\.bridge\.chanel: unknown key; allowed: channel, interface, options",
+            r"segment\.can0\.bridge\.chanel: unknown key; did you mean channel\? allowed: channel, interface",
         ),
         ("bridge = {}", r"segment\.can0\.bridge\.channel: the key is missing"),
         (

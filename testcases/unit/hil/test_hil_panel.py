@@ -24,7 +24,9 @@ def script(capsys, tmp_path, text, name="profidrive", **options):
         name, axis="", monitoring_s=2.0, plot=tmp_path / "plot.html", stdin=io.StringIO(text), **options
     )
     captured = capsys.readouterr()
-    return code, captured.out.splitlines(), captured.err
+    # what `jog` says of itself stands between the states
+    lines = [line for line in captured.out.splitlines() if not line.startswith("jogs ")]
+    return code, lines, captured.err
 
 
 @pytest.mark.requirement("COM-073", "COM-009", "COM-010", "COM-011", "COM-036")
@@ -44,6 +46,46 @@ def test_a_script(capsys, tmp_path):
         float(lines[7].split("position ")[1].split()[0]) - 5.0, abs=0.01
     )
     assert "program  disabled" in lines[-1]
+
+
+@pytest.mark.requirement("STP-033")
+def test_a_piped_session_in_plain_lines(capsys, tmp_path):
+    """No prompt, no escape sequences; units and following error in every state; jog says how long it goes on;
+    an error is told in words until it is acknowledged, and the axis then stays off until it is enabled.
+    """
+    text = (
+        "take\nenable\nwait 0.5\njog -50\nslide 0\nwait 0.5\nabs 5\nack\nwait 1\nenable\nwait 0.5\nslide 0\n"
+    )
+    code = run_panel(
+        "profidrive", axis="", monitoring_s=2.0, plot=tmp_path / "plot.html", stdin=io.StringIO(text)
+    )
+    out = capsys.readouterr().out
+    lines = [line.partition(" s  ")[2] or line for line in out.splitlines()]
+    assert (code, "\x1b" in out, ">" in out) == (0, False, False)
+    assert lines[2] == (
+        "panel  standstill  position 0 mm  velocity 0 mm/s  following error 0 mm  limit switches free"
+    )
+    assert lines[3] == (
+        "jogs backward at 25 mm/s until `slide 0` or `stop`; `slide S` changes velocity and direction"
+    )
+    assert lines[4].endswith("jogs at slider -50 % until `slide 0`")
+    assert lines[5].endswith("limit switches free")
+    assert lines[7].endswith(
+        "MC_MoveAbsolute failed, alarm 321: Absolute positioning requested but axis not homed"
+    )
+    assert lines[8] == "the alarm has disabled the axis: it stays off until `enable`"
+    assert [line.partition("  position")[0] for line in lines[9:11]] == ["panel  disabled"] * 2
+    assert lines[10].endswith("limit switches free")
+    assert lines[12].startswith("panel  standstill")
+
+
+def test_the_error_of_a_job_without_an_alarm(capsys, tmp_path):
+    """It is told in words until the next command that does something."""
+    text = "take\nenable\nwait 0.5\nadjust-encoder 5\nwait 0.1\nslide 0\n"
+    _, lines, _ = script(capsys, tmp_path, text)
+    assert "MC_Home failed, 16#" in lines[3]
+    assert lines[4].endswith(lines[3].partition("MC_Home")[2])
+    assert lines[5].endswith("limit switches free")
 
 
 @pytest.mark.parametrize(

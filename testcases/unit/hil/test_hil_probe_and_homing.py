@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import pytest
 
+from emulators.drive.cia402.homing_methods import supported_methods
 from fieldbus.canopen import PumpedNetwork
 from hil.bench import BenchFile, BenchFileError
 from hil.bench.drives import object_dictionary
@@ -71,9 +72,9 @@ def test_switches_index_and_homing_come_from_the_file():
         assert (probe1.low, probe1.high, probe1.hysteresis) == (0.010, math.inf, 0.0)
         assert (probe2.low, probe2.high) == (-math.inf, -0.020)
         assert drive.config.encoder.zero_mark_counts == 2500
-        assert (drive.config.home_offset, drive.config.homing_move) == ("vendor", "zero")
-        assert drive.config.input_filter_s == 0.0015
-        assert drive.config.hard_stop_methods == {-1: "negative", -3: "positive", -4: "negative"}
+        assert (drive.config.homing.offset, drive.config.homing.move) == ("vendor", "zero")
+        assert drive.config.switches.input_filter_s == 0.0015
+        assert [number for number in supported_methods(drive.config.homing) if number < 0] == [-4, -3, -1]
         assert [drive.peek(0x60E3, sub) for sub in (1, 2, 3, 4)] == [-4, -3, -1, 1]
         assert drive.inputs & 0x30004 == 0x4
     with file().build() as bench:
@@ -83,8 +84,14 @@ def test_switches_index_and_homing_come_from_the_file():
 @pytest.mark.parametrize(
     ("parts", "message"),
     [
-        ({"switches": "home_from_mm = 5.0\nhome_to_mm = 5.0"}, "home_from_mm: 5 is not below home_to_mm: 5"),
-        ({"switches": "home_mm = 5.0\nhome_to_mm = 6.0"}, "home_mm goes without"),
+        (
+            {"switches": "home_from_mm = 5.0\nhome_to_mm = 5.0"},
+            r"home_from_mm: 5\.0 is not allowed; allowed: less than home_to_mm = 5",
+        ),
+        (
+            {"switches": "home_mm = 5.0\nhome_to_mm = 6.0"},
+            r"home_mm: 5\.0 is not allowed; allowed: left out with",
+        ),
         ({"switches": "probe1_from_mm = 2.0\nprobe1_to_mm = 1.0"}, "probe1_from_mm"),
         ({"drive": "index_increments = 10000"}, "index_increments: 10000 is not below"),
         (

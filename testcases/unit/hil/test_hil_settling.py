@@ -52,7 +52,7 @@ def test_telegram_bits_are_there_in_time_and_stay():
     short = one(telegram_bits("drive1.zsw1", zeros=0x40, at=0.2, for_s=0.101), trace)
     assert short.verdict is Verdict.FAILED
     assert short.time_s == pytest.approx(0.3)
-    assert "0.001 s under the limit" in describe(short)
+    assert "1 ms under the limit" in describe(short)
     for masks in ({}, {"ones": 1, "zeros": 3}, {"ones": -1}, {"ones": 1 << 32}):
         with pytest.raises(ConfigurationError, match="masks of up to 32 bits"):
             telegram_bits("drive1.zsw1", at=0.0, **masks)
@@ -65,7 +65,7 @@ def test_a_value_settles_within_a_time_and_stays():
     assert verdict(settled, trace) is Verdict.PASSED
     late = one(settles_within("axis1.position", 10.0, tolerance=0.0, within_s=0.119), trace)
     assert late.verdict is Verdict.FAILED
-    assert "0.001 s over the limit" in describe(late)
+    assert "1 ms over the limit" in describe(late)
     assert (
         verdict(settles_within("axis1.position", 10.2, tolerance=0.2, within_s=0.2), trace) is Verdict.PASSED
     )

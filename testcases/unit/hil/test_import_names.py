@@ -23,7 +23,7 @@ PYTEST = ("-m", "pytest", "-p", "no:cacheprovider", "--color=no")
 
 @pytest.fixture
 def project(tmp_path) -> Path:
-    """A folder for a user's project; beside it the metadata of this version, whatever is installed."""
+    """A folder for a user's project; next to it the metadata of this version, whatever is installed."""
     points = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["entry-points"][
         "pytest11"
     ]

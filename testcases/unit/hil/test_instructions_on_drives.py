@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -471,7 +472,7 @@ def test_an_obstacle_that_goes_away():
 def test_switches_with_a_filter(pressed, filter_ms, seen):
     """A press of 30 ms passes the input filter of the drive or not; both switches may be active."""
     drive = load_bench("profidrive").config.drive["drive1"]
-    switches = drive.switches.model_copy(update={"input_filter_ms": filter_ms})
+    switches = replace(drive.switches, input_filter_ms=filter_ms)
     with bench(switches=switches) as machine:
         axis = machine.axis()
         machine.run_for(0.2)

@@ -221,7 +221,7 @@ def test_the_speed_loop_is_a_lag_of_first_order(lag_s):
     tuning = replace(
         config.tuning, velocity_time_constant_s=lag_s, torque_feedforward=False, velocity_integral_time_s=0.0
     )
-    smooth = replace(config.mechanics, coulomb_friction=0.0, viscous_friction=0.0)
+    smooth = replace(config.mechanics, coulomb_friction_n=0.0, viscous_friction_n_per_m_s=0.0)
     rig = Rig(replace(config, tuning=tuning, interpolation=False, mechanics=smooth))
     rig.enable()
     for cycle in range(1, 11):

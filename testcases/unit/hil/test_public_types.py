@@ -80,7 +80,7 @@ def test_every_exported_name_is_there() -> None:
     for module in (hil, hil.bench):
         for name in module.__all__:
             assert getattr(module, name) is not None
-    with pytest.raises(AttributeError, match="module 'hil' has no attribute 'Bnech'"):
+    with pytest.raises(AttributeError, match="module 'hil' has no 'Bnech'; similar: Bench"):
         hil.Bnech  # type: ignore[attr-defined]  # noqa: B018
     with pytest.raises(AttributeError, match=r"module 'hil\.bench' has no attribute 'Bnech'"):
         hil.bench.Bnech  # type: ignore[attr-defined]  # noqa: B018

@@ -4,6 +4,8 @@ specification).
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from motion.drives.port import STW1_OPERATE
@@ -387,7 +389,7 @@ def stop_bench(blocked_ms=0.0, **variables):
     drive = config.drive["drive1"]
     drive = drive.model_copy(
         update={
-            "mechanics": drive.mechanics.model_copy(update={"positive_stop_mm": STOP_MM}),
+            "mechanics": replace(drive.mechanics, positive_stop_mm=STOP_MM),
             "blocked_time_ms": blocked_ms,
         }
     )

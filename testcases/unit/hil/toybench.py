@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
+from functools import cache
 
 from numpy.random import SeedSequence, default_rng
 
@@ -648,3 +649,11 @@ CREEPING = ToyBenchFile("creeps_without_torque")
 DEAF = ToyBenchFile("ignores_alarms")
 DOUBLE = ToyBenchFile("done_and_error")
 NOISY = ToyBenchFile("not_repeatable")
+
+
+@cache
+def found_defect():
+    """Return the report of a search that finds and shrinks the defect of `DOUBLE`, for several tests."""
+    from hil.fuzz import search  # most users of this bench search nothing
+
+    return search(DOUBLE, cases=100, longest=8, seed=9, bench=f"{__name__}:DOUBLE")

@@ -116,7 +116,7 @@ def jump(mm: float) -> Callable[[Rig], Undo]:
     """Let the motor stand ahead of where it should be."""
 
     def act(rig: Rig) -> Undo:
-        rig.port._angle += mm / LEAD_MM * tau
+        rig.port.turn(mm / LEAD_MM * tau)
         return nothing
 
     return act

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from fieldbus.clock import S, VirtualScheduler
-from fieldbus.history import History
+from fieldbus.clock import S
 from motion.drives.simulated import SimulatedDrivePort
 from motion.s7.axis import PositioningAxis, SpeedAxis
-from motion.s7.handles import AxisHandle
-from motion.s7.runtime import Runtime
+from testcases.rigs import ControllerRig
 
 CYCLE = 0.004
 ZERO_MARK = 15 * 131072
@@ -72,7 +70,7 @@ class TorquePort(SimulatedDrivePort):
         self.additive_nm = torque_nm
 
 
-class Rig:
+class Rig(ControllerRig):
     """One axis, its simulated drive and the runtime, sampled every cycle."""
 
     def __init__(
@@ -86,9 +84,7 @@ class Rig:
         ratio: int = 1,
         cpu: str = "S7-1500T",
     ) -> None:
-        self.scheduler = VirtualScheduler()
-        self.history = History(self.scheduler)
-        self.cycle_ns = cycle_ns
+        super().__init__(cycle_ns=cycle_ns)
         self.port = port or SimulatedDrivePort(cycle_s=cycle_ns / S, zero_marks=[ZERO_MARK])
         kind = SpeedAxis if speed else PositioningAxis
         start = (SPEED if speed else REFERENCE) | (variables or {})
@@ -103,26 +99,11 @@ class Rig:
             interpolator_ns=ratio * cycle_ns,
             cpu=cpu,
         )
-        self.runtime = Runtime(
-            self.scheduler, cycle_ns=cycle_ns, interpolator_ns=ratio * cycle_ns, history=self.history
-        )
-        self.runtime.add(axis)
-        self.axis = AxisHandle(self.runtime, axis)
+        self.control_axis(axis, interpolator_ns=ratio * cycle_ns)
         self.rows: list[tuple[float, ...]] = []
         self.names = [name for name, _ in axis.trace_columns]
         self.runtime.after_cycle.append(lambda: self.rows.append((self.scheduler.now / S, *axis.trace_row())))
         self.runtime.start()
-
-    def run(self, seconds: float) -> None:
-        self.scheduler.run_for(round(seconds * S))
-
-    def until(self, predicate, timeout: float = 5.0) -> None:
-        assert self.scheduler.run_until(predicate, round(timeout * S)), (
-            "the condition did not come true in time"
-        )
-
-    def cycles(self, number: int = 1) -> None:
-        self.scheduler.run_for(self.cycle_ns * number)
 
     def feed(self, instance, vectors) -> None:
         """Hand one set of inputs per application cycle to `instance`, before it is called."""
@@ -157,9 +138,6 @@ class Rig:
         first = next(i for i, row in enumerate(rows) if abs(row[v]) < abs(rows[0][v]) - 1e-9) - 1
         last = next(i for i, row in enumerate(rows) if row[v] == 0.0)
         return rows[last][0] - rows[first][0], abs(rows[last][s] - rows[first][s])
-
-    def events(self, kind: str):
-        return list(self.history.select(kind=kind))
 
 
 @pytest.fixture

@@ -1,7 +1,7 @@
 """How every job of the overriding tables is brought about, which cells that makes testable, and the page that
 says so.
 
-`python -m testcases.unit.motion_axis.override_cells` writes `docs/overriding.md`.
+`python -m testcases.unit.motion_axis.override_cells` writes `docs/reference/overriding.md`.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import motion.s7.instructions as instructions
-from motion.s7.axis.override_tables import CELLS, FATES, TABLES, UNDER_INTERPRETER, Cell, OverrideTable
+from motion.s7.axis.override import CELLS, FATES, TABLES, UNDER_INTERPRETER, Cell, OverrideTable
 from testcases.unit.motion_axis.conftest import Rig
 
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "overriding.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "reference" / "overriding.md"
 NO_SUCH_MODE = 0x800A
 
 Make = Callable[[Rig], Any]
@@ -144,7 +144,7 @@ def cells() -> list[Cell]:
 _HEAD = """# Overriding
 
 What a new job does to a running one, and what becomes of itself. Rows are new jobs, columns running ones; the first letter of a
-cell speaks of the running job, the second of the new one. The data are `motion/s7/axis/override_tables.py`; a test starts every
+cell speaks of the running job, the second of the new one. The data are `motion/s7/axis/override.py`; a test starts every
 running job under every new one, for all instructions that there are. This page is written by
 `python -m testcases.unit.motion_axis.override_cells`.
 

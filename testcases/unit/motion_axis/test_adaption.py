@@ -6,12 +6,9 @@ from __future__ import annotations
 
 import pytest
 
-from fieldbus.clock import VirtualScheduler
-from fieldbus.history import History
 from motion.drives.simulated import SimulatedDrivePort
 from motion.s7.axis import PositioningAxis, SpeedAxis
-from motion.s7.handles import AxisHandle
-from motion.s7.runtime import Runtime
+from testcases.rigs import ControllerRig
 from testcases.unit.motion_axis.conftest import REFERENCE
 
 MS = 1_000_000
@@ -45,12 +42,11 @@ class ParameterPort(SimulatedDrivePort):
             self.scheduler.after(3 * MS, lambda: answer(value, reason))
 
 
-class Rig:
+class Rig(ControllerRig):
     """An axis on a drive with parameters."""
 
     def __init__(self, variables=None, *, speed=False, dsc=False, **parameters):
-        self.scheduler = VirtualScheduler()
-        self.history = History(self.scheduler)
+        super().__init__()
         self.port = ParameterPort(self.scheduler)
         self.port.dsc = dsc
         for name, value in parameters.items():
@@ -67,13 +63,11 @@ class Rig:
             history=self.history,
             variables=({} if speed else REFERENCE) | (variables or {}),
         )
-        self.runtime = Runtime(self.scheduler, cycle_ns=4 * MS, history=self.history)
-        self.runtime.add(axis)
-        self.axis = AxisHandle(self.runtime, axis)
+        self.control_axis(axis)
         self.runtime.start()
 
     def run(self, seconds=0.2):
-        self.scheduler.run_for(round(seconds * 1e9))
+        super().run(seconds)
         return self
 
     def states(self, part="Actor"):
@@ -354,28 +348,32 @@ class TestErrors:
 
     @pytest.mark.requirement("CFG-375", "CFG-623")
     @pytest.mark.parametrize(
-        ("parameters", "text"),
+        ("parameters", "cause", "text"),
         [
-            ({"p979_1": 0}, "bit 31"),
-            ({"p979_2": 0}, "p0979, resolution = 0 is not within 1 to 8388608"),
-            ({"p979_3": 32}, "fine resolution of Gx_XIST1 = 32 is not within 0 to 31"),
-            ({"p979_2": 9_000_000}, "resolution = 9e+06 is not within"),
-            ({"p2000_0": float("nan")}, "p2000 = nan is not above 0"),
+            ({"p979_1": 0}, 2, "bit 31"),
+            ({"p979_2": 0}, 3, "p0979, resolution = 0 is not within 1 to 8388608"),
+            ({"p979_3": 32}, 4, "fine resolution of Gx_XIST1 = 32 is not within 0 to 31"),
+            ({"p979_4": 32}, 5, "fine resolution of Gx_XIST2 = 32 is not within 0 to 31"),
+            ({"p979_5": -1}, 6, "revolutions = -1 is not within 0 to 8388608"),
+            ({"p979_2": 9_000_000}, 3, "resolution = 9e+06 is not within"),
+            ({"p2000_0": float("nan")}, 7, "p2000 = nan is not above 0"),
         ],
     )
-    def test_invalid_encoder(self, parameters, text):
-        """Data of an encoder that no axis can work with are alarm 103 with the value and its range."""
+    def test_invalid_encoder(self, parameters, cause, text):
+        """An invalid value is alarm 103 with the same cause as a missing one, the value and its range."""
         rig = Rig({"Sensor[1].DataAdaption": 1}, **parameters).run()
-        assert rig.alarm() == 103
-        assert text in rig.axis.alarms.engine.highest.text
+        entry = rig.axis.alarms.engine.highest
+        assert (entry.number, entry.info) == (103, cause)
+        assert text in entry.text
 
     @pytest.mark.requirement("CFG-623")
-    @pytest.mark.parametrize("name", ["p2000_0", "p1082_0", "p2003_0"])
-    def test_invalid_drive(self, name):
-        """Reference and maximum values that are not above 0 are alarm 102."""
+    @pytest.mark.parametrize(("name", "cause"), [("p2000_0", 6), ("p1082_0", 2), ("p2003_0", 7)])
+    def test_invalid_drive(self, name, cause):
+        """A reference or maximum value that is not above 0 is alarm 102 with the cause of a missing one."""
         rig = Rig({"Actor.DataAdaption": 1}, **{name: 0.0}).run()
-        assert rig.alarm() == 102
-        assert "is not above 0" in rig.axis.alarms.engine.highest.text
+        entry = rig.axis.alarms.engine.highest
+        assert (entry.number, entry.info) == (102, cause)
+        assert "is not above 0" in entry.text
 
     @pytest.mark.requirement("CFG-623", "CFG-627")
     def test_no_parameter_access(self):

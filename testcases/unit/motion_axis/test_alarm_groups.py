@@ -9,6 +9,7 @@ from itertools import pairwise
 import pytest
 
 from motion.s7.alarms import catalogue
+from testcases.catalogue import each, requirements_in
 from testcases.unit.motion_axis.conftest import Rig
 
 BITS = {
@@ -80,12 +81,10 @@ def cases():
                     )
 
 
-@pytest.mark.requirement("DIA-112", "TA-001", "TA-002", "TA-005", "TA-021", "TA-023", "DIA-104")
-@pytest.mark.parametrize(("kind", "number", "phase"), list(cases()))
-def test_bit_detail_jobs_and_enable(kind, number, phase):
-    """Exactly the bit of its group; X1 for errors only; the job in control ends with 16#8001 if there is a
-    reaction.
-    """
+BIT_DETAIL_JOBS_AND_ENABLE_CASES = list(cases())
+
+
+def check_bit_detail_jobs_and_enable(kind, number, phase):
     rig = Rig(speed=kind == "SpeedAxis")
     job = phase(rig)
     rig.axis.object.alarms.raise_alarm(number)
@@ -114,6 +113,18 @@ def test_bit_detail_jobs_and_enable(kind, number, phase):
     )
 
 
+@pytest.mark.exhaustive
+@pytest.mark.requirement("DIA-112", "TA-001", "TA-002", "TA-005", "TA-021", "TA-023", "DIA-104")
+@requirements_in(BIT_DETAIL_JOBS_AND_ENABLE_CASES)
+def test_bit_detail_jobs_and_enable(subtests):
+    """Exactly the bit of its group; X1 for errors only; the job in control ends with 16#8001 if there is a
+    reaction.
+    """
+    for label, values in each(BIT_DETAIL_JOBS_AND_ENABLE_CASES):
+        with subtests.test(label):
+            check_bit_detail_jobs_and_enable(*values)
+
+
 @pytest.mark.requirement("TA-022", "DIA-026", "DIA-067")
 def test_bits_that_no_alarm_sets():
     """ErrorWord.X6 and the warnings X0, X2, X4, X5, X7 to X10, X12, X13 stay FALSE whatever is pending."""
@@ -127,32 +138,25 @@ def test_bits_that_no_alarm_sets():
     assert len(engine.pending) == len(PLACE)
 
 
-@pytest.mark.requirement("TA-027", "TA-004", "TA-003", "DIA-103", "STP-347")
-@pytest.mark.parametrize("apart", [0, 1, 5])
-@pytest.mark.parametrize(
-    ("first", "second", "shown"),
-    [
-        ((421, 4), (321, 3), 421),
-        ((321, 3), (421, 4), 421),
-        ((533, 1), (304, 3), 304),
-        ((304, 3), (533, 1), 304),
-        ((550, 5), (321, 3), 550),
-        ((104, 2), (550, 5), 550),
-        ((550, 5), (431, 4), 431),
-        ((522, 0), (533, 2), 533),
-        ((533, 2), (522, 0), 533),
-        ((104, 2), (307, 2), 104),
-        ((421, 4), (101, 4), 101),
-        ((202, 0), (501, 0), 202),
-        ((501, 0), (202, 0), 202),
-        ((304, 3), (305, 3), 304),
-    ],
-    ids=lambda one: f"{one[0]}r{one[1]}" if isinstance(one, tuple) else f"shows{one}",
-)
-def test_two_alarms(first, second, shown, apart):
-    """In one cycle and in successive ones: the stronger reaction rules, then class R before F before W, then
-    the earlier one.
-    """
+TWO_ALARMS_FIRST_SECOND_SHOWN = [
+    ((421, 4), (321, 3), 421),
+    ((321, 3), (421, 4), 421),
+    ((533, 1), (304, 3), 304),
+    ((304, 3), (533, 1), 304),
+    ((550, 5), (321, 3), 550),
+    ((104, 2), (550, 5), 550),
+    ((550, 5), (431, 4), 431),
+    ((522, 0), (533, 2), 533),
+    ((533, 2), (522, 0), 533),
+    ((104, 2), (307, 2), 104),
+    ((421, 4), (101, 4), 101),
+    ((202, 0), (501, 0), 202),
+    ((501, 0), (202, 0), 202),
+    ((304, 3), (305, 3), 304),
+]
+
+
+def check_two_alarms(apart, first, second, shown):
     rig = Rig()
     moving(rig)
     alarms = rig.axis.object.alarms
@@ -173,6 +177,17 @@ def test_two_alarms(first, second, shown, apart):
         assert not any(
             x for x, time in zip(rig.column("power_status"), rig.times(), strict=True) if time > since + 0.004
         )
+
+
+@pytest.mark.exhaustive
+@pytest.mark.requirement("TA-027", "TA-004", "TA-003", "DIA-103", "STP-347")
+def test_two_alarms(subtests):
+    """In one cycle and in successive ones: the stronger reaction rules, then class R before F before W, then
+    the earlier one.
+    """
+    for label, values in each([0, 1, 5], TWO_ALARMS_FIRST_SECOND_SHOWN):
+        with subtests.test(label):
+            check_two_alarms(*values)
 
 
 @pytest.mark.requirement("TA-027", "TA-007", "MC-179", "DIA-104")

@@ -183,7 +183,7 @@ OBJECTS = {"S": "SpeedAxis", "P": "PositioningAxis", "E": "ExternalEncoder"}
 
 def documented() -> dict[int, list[str]]:
     """Return the rows of the list in the manual by number."""
-    rows = re.findall(r"^\| (\d+) \|(.*)\|$", (ROOT / "docs/alarms.md").read_text(), re.MULTILINE)
+    rows = re.findall(r"^\| (\d+) \|(.*)\|$", (ROOT / "docs/reference/alarms.md").read_text(), re.MULTILINE)
     return {int(number): [cell.strip() for cell in cells.split(" | ")] for number, cells in rows}
 
 

@@ -5,38 +5,44 @@ wired.
 from __future__ import annotations
 
 import itertools
+from dataclasses import fields
 
 import pytest
 
 from emulators.drive.analog import AnalogDrive, AnalogState
-from emulators.drive.analog_config import AnalogConfig
-from emulators.drive.machine import EncoderConfig, LinearAxisConfig
+from emulators.drive.analog_config import AnalogConfig, AnalogSettings
+from emulators.drive.machine import NO_SWITCHES, EncoderConfig, LinearAxisConfig
 from emulators.io import AnalogOutput, CounterInput, DigitalInput, DigitalOutput, ModbusIoStation
-from fieldbus.clock import MS, S, VirtualScheduler
+from fieldbus.clock import MS, S
 from fieldbus.errors import ConfigurationError
-from fieldbus.history import History
 from fieldbus.modbus import TcpClient, TcpLink, TcpStation
 from motion.drives.analog import AnalogPort, AnalogPortConfig
 from motion.drives.station import StationInputs, StationLink
 from motion.s7.axis import PositioningAxis, SpeedAxis
-from motion.s7.handles import AxisHandle
-from motion.s7.runtime import Runtime
+from testcases.rigs import ControllerRig
 from testcases.unit.motion_axis.conftest import REFERENCE, SPEED
 
 CYCLE_NS = 4 * MS
 INCREMENTS = 131072
+SETTINGS = frozenset(one.name for one in fields(AnalogSettings))
 
 
-class Rig:
+class Rig(ControllerRig):
     """One axis, a station behind TCP, an analog drive at its terminals."""
 
     def __init__(self, *, speed=False, enable=True, ready=True, variables=None, **drive):
-        self.scheduler = scheduler = VirtualScheduler()
-        self.history = History(scheduler)
-        drive.setdefault("mechanics", LinearAxisConfig(stops_m=(None, None)))
+        super().__init__()
+        scheduler = self.scheduler
+        settings = {key: drive.pop(key) for key in SETTINGS & set(drive)}
+        drive.setdefault("switches", NO_SWITCHES)
+        drive.setdefault("mechanics", LinearAxisConfig(negative_stop_mm=None, positive_stop_mm=None))
         self.drive = AnalogDrive(
             scheduler,
-            AnalogConfig(encoder=EncoderConfig(counts_per_revolution=INCREMENTS), **drive),
+            AnalogConfig(
+                analog=AnalogSettings(**settings),
+                encoder=EncoderConfig(counts_per_revolution=INCREMENTS),
+                **drive,
+            ),
             name="drive1",
             history=self.history,
         )
@@ -83,9 +89,7 @@ class Rig:
             self.technology.station_inputs = StationInputs(
                 self.link, {"negative_limit": 1, "positive_limit": 2}
             )
-        self.runtime = Runtime(scheduler, cycle_ns=CYCLE_NS, history=self.history)
-        self.runtime.add(self.technology)
-        self.axis = AxisHandle(self.runtime, self.technology)
+        self.control_axis(self.technology)
         self.runtime.after_cycle.append(self.link.exchange)
         self.rows = []
         self.runtime.after_cycle.append(self._note)
@@ -107,12 +111,6 @@ class Rig:
                 axis.enabling.busy,
             )
         )
-
-    def run(self, seconds):
-        self.scheduler.run_for(round(seconds * S))
-
-    def until(self, predicate, timeout=3.0):
-        assert self.scheduler.run_until(predicate, round(timeout * S))
 
     def travelling(self, velocity=300.0):
         self.power = self.axis.power()
@@ -136,7 +134,7 @@ class Rig:
 @pytest.mark.requirement("STP-059", "STP-060", "CFG-391", "MC-143", "VAR-138")
 def test_enabling_waits_for_the_ready_signal():
     """Enable sets the output; Status and InOperation come with the ready signal, and only then a setpoint."""
-    rig = Rig(ready_delay_s=0.2)
+    rig = Rig(ready_delay_ms=200.0)
     rig.rows.clear()
     power = rig.axis.power()
     rig.run(0.1)
@@ -249,7 +247,7 @@ def test_quick_stop(ramp_s, falls):
     """Output 0.0 and enable FALSE at once, the drive brakes on its own ramp, Status falls when the axis
     stands.
     """
-    rig = Rig(stop_ramp_s=ramp_s, ready_falls=falls).travelling()
+    rig = Rig(off3_ramp_s=ramp_s, ready_falls=falls).travelling()
     rig.axis.power(False, stop_mode=1)
     rig.run(1.0)
     assert rig.first(lambda row: not row[2]) < 0.013
@@ -344,7 +342,7 @@ def test_without_an_enable_output_the_drive_goes_on():
     """No enable output: after a coast the drive is not disabled; it holds the voltage, which is 0, with its
     torque.
     """
-    rig = Rig(enable=False, ready=False, enable_input=False, offset_V=0.02).travelling()
+    rig = Rig(enable=False, ready=False, enable_input=False, offset_v=0.02).travelling()
     rig.axis.alarms.raise_alarm(521, reaction=4)
     rig.run(1.0)
     assert not rig.power.Status

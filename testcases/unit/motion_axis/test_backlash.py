@@ -151,7 +151,7 @@ class TestFollowing:
 
     def turned(self, rig, distance):
         """Turn the motor by hand; the drive is off."""
-        rig.port._angle += distance / 10.0 * 6.283185307179586
+        rig.port.turn(distance / 10.0 * 6.283185307179586)
         rig.cycles(2)
         return rig.axis.var("ActualPosition")
 

@@ -34,7 +34,7 @@ def power_cycle(rig, *, turned=0.0):
     """Switch the controller off and on; the shaft is turned by `turned`, mm of the axis, meanwhile."""
     rig.until(rig.axis.power(False).off)
     axis = rig.axis.object
-    rig.port._angle += turned / 10.0 * tau
+    rig.port.turn(turned / 10.0 * tau)
     axis.variables.power_cycle()
     axis.apply_configuration(powered_off=True)
     rig.cycles(3)
@@ -104,7 +104,7 @@ class TestAbsoluteEncoder:
         """
         rig = rig_of(lambda variables: make_rig(variables=variables | ABSOLUTE), homed=False)
         rig.until(rig.axis.power(False).off)
-        rig.port._angle += 3.0 * tau
+        rig.port.turn(3.0 * tau)
         rig.axis.object.apply_configuration(powered_off=True)
         rig.cycles(3)
         rig.load.position = rig.load.motor

@@ -218,7 +218,7 @@ def test_number_of_encoders():
     ports = [SimulatedDrivePort(cycle_s=0.001) for _ in range(4)]
     axis = PositioningAxis("a", ports[0], cycle_ns=1_000_000, encoders=ports)
     assert [axis.var(f"Sensor[{n}].Existent") for n in range(1, 5)] == [True] * 4
-    assert refused({"Sensor[5].Type": 0}).startswith("Sensor[5].Type: 0 is not allowed")
+    assert refused({"Sensor[5].Type": 0}).startswith("Sensor[5].Type: this is not a variable")
     assert refused({}, cpu="S7-1200").startswith("cpu: 'S7-1200' is not allowed; allowed: S7-1500T, S7-1500")
 
 

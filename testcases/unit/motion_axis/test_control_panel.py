@@ -427,7 +427,26 @@ def test_alarms_are_acknowledged_from_the_panel(make_rig):
         panel.acknowledge()
         rig.run(0.3)
         assert rig.axis.var("ErrorDetail.Number") == 0
-        assert panel.enabled
+
+
+@pytest.mark.requirement("STP-033", "STP-381")
+def test_an_acknowledgement_switches_nothing_on(rig, panel):
+    """An alarm that has disabled the axis, acknowledged while the drive brakes, is gone when the drive is
+    off; the axis stays off until it is enabled anew.
+    """
+    enabled(rig, panel)
+    panel.jog()
+    rig.run(0.3)
+    rig.axis.alarms.raise_alarm(421)
+    rig.until(lambda: rig.axis.state.name == "ALARM_DRIVE_STOP")
+    panel.acknowledge()
+    rig.cycles(2)
+    assert (panel.acknowledging, rig.axis.var("ErrorDetail.Number")) == (True, 421)
+    rig.until(lambda: not rig.axis.alarms.engine.number)
+    rig.run(1.0)
+    assert (panel.enabled, rig.axis.state.name) == (False, "DISABLED")
+    assert [entry.data["to"] for entry in rig.events("axis.state")].count("ENABLING") == 1
+    enabled(rig, panel)
 
 
 @pytest.mark.requirement("COM-071")

@@ -16,6 +16,7 @@ import motion
 from motion.s7.alarms import error_ids, error_text
 from motion.s7.axis import jobs
 from motion.s7.instructions import MC_MoveAbsolute, MC_Power
+from testcases.catalogue import each, requirements_in
 from testcases.unit.motion_axis.conftest import Rig, TorquePort
 
 ROOT = Path(__file__).parents[3]
@@ -189,22 +190,18 @@ ELSEWHERE = {
 """Those that need a control panel, a stop in the way or a memory card, and where they are brought about."""
 
 
-@pytest.mark.parametrize(
-    ("value", "provoke", "goes_on", "variables", "port"),
-    [
-        pytest.param(
-            value,
-            *rest,
-            id=f"{value:04X}-{at}",
-            marks=pytest.mark.requirement(row, "TA-028", "TA-010", "MC-014"),
-        )
-        for at, (value, row, *rest) in enumerate(TABLE)
-    ],
-)
-def test_the_instruction_says_it(value, provoke, goes_on, variables, port):
-    """`Error` with this ErrorID and without `Busy`; the job that runs meanwhile is not touched, unless it is
-    the state that is wrong.
-    """
+THE_INSTRUCTION_SAYS_IT_CASES = [
+    pytest.param(
+        value,
+        *rest,
+        id=f"{value:04X}-{at}",
+        marks=pytest.mark.requirement(row, "TA-028", "TA-010", "MC-014"),
+    )
+    for at, (value, row, *rest) in enumerate(TABLE)
+]
+
+
+def check_the_instruction_says_it(value, provoke, goes_on, variables, port):
     rig = Rig(variables=variables, port=port() if port else None).enabled()
     rig.until(rig.axis.home(0.0).done)
     running = rig.axis.move_velocity(50.0)
@@ -218,6 +215,17 @@ def test_the_instruction_says_it(value, provoke, goes_on, variables, port):
         assert rig.axis.var("Velocity") == pytest.approx(50.0)
         assert rig.axis.var("ErrorWord") == 0
     assert error_text(value).startswith(f"16#{value:04X}: ")
+
+
+@pytest.mark.exhaustive
+@requirements_in(THE_INSTRUCTION_SAYS_IT_CASES)
+def test_the_instruction_says_it(subtests):
+    """`Error` with this ErrorID and without `Busy`; the job that runs meanwhile is not touched, unless it is
+    the state that is wrong.
+    """
+    for label, values in each(THE_INSTRUCTION_SAYS_IT_CASES):
+        with subtests.test(label):
+            check_the_instruction_says_it(*values)
 
 
 def given_in_the_code() -> set[int]:
@@ -246,7 +254,9 @@ def test_the_constants_are_one_table():
 def test_the_manual_lists_them():
     """The manual has every ErrorID of the axis with the words of the system, and says which are given."""
     rows = re.findall(
-        r"^\| 16#(8\w{3}) \| (.*?) \| (.*?) \|$", (ROOT / "docs/alarms.md").read_text(), re.MULTILINE
+        r"^\| 16#(8\w{3}) \| (.*?) \| (.*?) \|$",
+        (ROOT / "docs/reference/alarms.md").read_text(),
+        re.MULTILINE,
     )
     found = {int(value, 16): (text, who) for value, text, who in rows}
     assert {value: text for value, (text, _) in found.items()} == {

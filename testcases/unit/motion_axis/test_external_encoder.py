@@ -6,14 +6,12 @@ import json
 
 import pytest
 
-from fieldbus.clock import MS, S, VirtualScheduler
-from fieldbus.history import History
+from fieldbus.clock import MS
 from motion.drives.encoder import EncoderPort
 from motion.drives.simulated import SimulatedDrivePort
 from motion.s7.alarms import catalogue
 from motion.s7.axis import ExternalEncoder
-from motion.s7.handles import EncoderHandle
-from motion.s7.runtime import Runtime
+from testcases.rigs import ControllerRig
 
 COARSE = {
     "Mechanics.LeadScrew": 10.0,
@@ -51,28 +49,22 @@ class Shaft(EncoderPort):
         self.encoder_increments += self.step
 
 
-class Rig:
+class Rig(ControllerRig):
     """One external encoder on its shaft, with the runtime; an application cycle of 4 ms."""
 
     def __init__(self, **variables):
-        self.scheduler = VirtualScheduler()
-        self.history = History(self.scheduler)
+        super().__init__()
         self.port = Shaft()
         settings = COARSE | {path.replace("__", "."): value for path, value in variables.items()}
         external = ExternalEncoder(
             "ext1", self.port, cycle_ns=4 * MS, variables=settings, history=self.history
         )
-        self.runtime = Runtime(self.scheduler, cycle_ns=4 * MS, history=self.history)
-        self.runtime.add_encoder(external)
-        self.encoder = EncoderHandle(self.runtime, external)
+        self.control_encoder(external)
         self.var = self.encoder.var
         self.runtime.start()
 
     def cycles(self, number=3):
-        self.scheduler.run_for(4 * MS * number)
-
-    def until(self, predicate, timeout=2.0):
-        assert self.scheduler.run_until(predicate, round(timeout * S))
+        super().cycles(number)
 
     def enabled(self):
         self.power = self.encoder.power()

@@ -103,11 +103,11 @@ class Machine:
             for stop in self.stops:
                 stop.set(Execute=False)
         elif what.startswith("cam"):
-            self.plant._wrong = "cam always on" if what.endswith("sticks") else "nothing"
+            self.plant.wrong = "cam always on" if what.endswith("sticks") else "nothing"
         elif what == "limit bounces":
-            self.plant._wrong = "both limits on"
+            self.plant.wrong = "both limits on"
             self.rig.cycles(2)
-            self.plant._wrong = "nothing"
+            self.plant.wrong = "nothing"
         else:
             axis.write("Homing.ApproachVelocity", float(what.split()[1]))
 
@@ -132,7 +132,7 @@ class Machine:
     def recover(self):
         """Do what an operator does before he homes anew."""
         self.plant.sensor_fault = False
-        self.plant._wrong = "nothing"
+        self.plant.wrong = "nothing"
         for what in (
             "release",
             "halt",

@@ -41,7 +41,7 @@ class Plant(SimulatedDrivePort):
         super().__init__(cycle_s=CYCLE, zero_marks=marks)
         self._angle = machine["start"] / 10.0 * tau
         self._cam = machine["cam"]
-        self._wrong = machine.get("wrong", "nothing")
+        self.wrong = machine.get("wrong", "nothing")
         self.farthest = abs(machine["start"])
 
     @property
@@ -53,7 +53,7 @@ class Plant(SimulatedDrivePort):
         place = self.place
         self.farthest = max(self.farthest, abs(place))
         low, high = self._cam
-        wrong = self._wrong
+        wrong = self.wrong
         negative, positive, cam = place <= -LIMIT, place >= LIMIT, low <= place <= high
         if wrong == "limits exchanged":
             negative, positive = positive, negative

@@ -258,7 +258,7 @@ class TestModulo:
         assert job.Done
         assert job.ReferenceMarkPosition == -340.0
         assert rig.axis.var("ActualPosition") == pytest.approx(10.0, abs=0.05)
-        turned = rig.port._angle / 6.283185307179586 * 10.0
+        turned = rig.port.angle / 6.283185307179586 * 10.0
         assert turned == pytest.approx(140.0, abs=0.05)
 
     @pytest.mark.requirement("CFG-110", "CFG-111", "CFG-118")

@@ -10,6 +10,8 @@ import pytest
 
 import motion.s7.instructions as instructions
 from motion.s7.instructions import ExecuteInstruction
+from testcases.catalogue import each
+from testcases.unit.motion_axis.conftest import Rig
 
 CYCLE = 0.004
 
@@ -280,19 +282,16 @@ def test_jerk_zero_is_a_trapezoid(rig, name):
     assert (faster, slower) == (600.0, 400.0)
 
 
-@pytest.mark.requirement("MC-086", "MC-087", "MC-088", "MC-080", "MC-007")
-@pytest.mark.parametrize(
-    ("name", "key", "error", "value"),
-    [
-        (name, key, error, value)
-        for name in MOVES
-        for key, error in (("Velocity", 0x8003), ("Acceleration", 0x8004), ("Deceleration", 0x8005))
-        for value in (0.0, float("nan"), float("inf"), "fast")
-        if not (value == 0.0 and key == "Velocity" and name in ("MC_MoveVelocity", "MC_MoveJog"))
-    ],
-)
-def test_values_that_are_not_allowed(rig, name, key, error, value):
-    """0.0 where it is no value (see the next test), no number, or infinity: the ErrorID of this input."""
+VALUES_THAT_ARE_NOT_ALLOWED_CASES = [
+    (name, key, error, value)
+    for name in MOVES
+    for key, error in (("Velocity", 0x8003), ("Acceleration", 0x8004), ("Deceleration", 0x8005))
+    for value in (0.0, float("nan"), float("inf"), "fast")
+    if not (value == 0.0 and key == "Velocity" and name in ("MC_MoveVelocity", "MC_MoveJog"))
+]
+
+
+def check_values_that_are_not_allowed(rig, name, key, error, value):
     rig.enabled()
     rig.until(rig.axis.home(0.0).done)
     job = MOVES[name](rig.axis, **{key: value})
@@ -301,6 +300,14 @@ def test_values_that_are_not_allowed(rig, name, key, error, value):
     job.set(**({"JogForward": False} if name == "MC_MoveJog" else {"Execute": False}))
     rig.cycles(1)
     assert (job.Error, job.ErrorID) == (False, 0)
+
+
+@pytest.mark.requirement("MC-086", "MC-087", "MC-088", "MC-080", "MC-007")
+def test_values_that_are_not_allowed(subtests):
+    """0.0 where it is no value (see the next test), no number, or infinity: the ErrorID of this input."""
+    for label, values in each(VALUES_THAT_ARE_NOT_ALLOWED_CASES):
+        with subtests.test(label):
+            check_values_that_are_not_allowed(Rig(), *values)
 
 
 @pytest.mark.requirement("MC-090", "MC-091")

@@ -10,6 +10,7 @@ import pytest
 
 from motion.s7.axis import AxisState
 from motion.s7.instructions import MC_Home, MC_SetSensor
+from testcases.catalogue import each
 from testcases.unit.motion_axis.override_cells import ACTIVE, exists
 from testcases.unit.motion_axis.test_sensors import Rig as SensorRig
 
@@ -136,13 +137,7 @@ def test_stop_over_the_stop_that_has_taken_an_alarm_over(rig):
     rig.until(second.done)
 
 
-@pytest.mark.requirement("MC-596", "MC-163", "MC-062", "OVR-103", "STP-251")
-@pytest.mark.parametrize("stop_mode", [0, 1, 2, 3])
-@pytest.mark.parametrize("name", RUNNING)
-def test_disabling_aborts_everything(make_rig, name, stop_mode):
-    """CommandAborted at once; the ramp of the mode, measured at the drive; Status and Busy FALSE together at
-    its end.
-    """
+def check_disabling_aborts_everything(make_rig, stop_mode, name):
     rig = make_rig(
         variables={"DynamicLimits.MaxJerk": 1.0e9}
     )  # full deceleration at once, also with StopMode 2
@@ -166,6 +161,17 @@ def test_disabling_aborts_everything(make_rig, name, stop_mode):
     assert speeds[-1] == 0.0
     if speeds[0] > 20.0:
         assert min(slopes) <= -bound * 0.97
+
+
+@pytest.mark.exhaustive
+@pytest.mark.requirement("MC-596", "MC-163", "MC-062", "OVR-103", "STP-251")
+def test_disabling_aborts_everything(make_rig, subtests):
+    """CommandAborted at once; the ramp of the mode, measured at the drive; Status and Busy FALSE together at
+    its end.
+    """
+    for label, values in each([0, 1, 2, 3], RUNNING):
+        with subtests.test(label):
+            check_disabling_aborts_everything(make_rig, *values)
 
 
 @pytest.mark.requirement("MC-592", "MC-063", "MC-002")
@@ -275,7 +281,7 @@ def test_the_window_is_never_reached(make_rig, name):
     rig.until(rig.axis.home(0.0).done)
     job = rig.axis.move_absolute(20.0) if name == "MC_MoveAbsolute" else rig.axis.move_relative(20.0)
     rig.until(lambda: rig.axis.var("Velocity") > 50.0)
-    rig.port._angle -= 0.5
+    rig.port.turn(-0.5)
     if name == "MC_Halt":
         job = rig.axis.halt()
     rig.until(lambda: job.Error or job.Done)

@@ -177,9 +177,8 @@ def test_external_encoder():
         "Sensor.Parameter.FineResolutionXist1": 0,
     }
     encoder = ExternalEncoder("encoder1", port, cycle_ns=4_000_000, variables=variables)
-    port._speed = 0.0
     for _ in range(50):
-        port._angle += 0.05
+        port.turn(0.05)
         encoder.cycle()
     velocity = encoder.var("ActualVelocity")
     assert velocity == pytest.approx(0.05 / 6.283185307179586 * 10.0 / CYCLE, rel=1e-3)

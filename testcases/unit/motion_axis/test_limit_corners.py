@@ -5,7 +5,7 @@ order of events.
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from motion.s7.axis import AxisState as S
@@ -487,3 +487,39 @@ def test_the_way_into_the_switch(cycle):
     rig.run(0.3)
     way = rig.column("position_setpoint")[-1] - place
     assert 11.24 <= way <= 11.25 + 300.0 * 3 * cycle
+
+
+@pytest.mark.exhaustive
+@pytest.mark.requirement("LIM-075")
+@settings(max_examples=15)
+@given(
+    speeds=st.tuples(st.floats(20.0, 450.0), st.floats(20.0, 450.0)),
+    acceleration=st.floats(300.0, 2000.0),
+    deceleration=st.sampled_from([200.0, 2000.0]),
+    jerk=st.sampled_from([0.0, 5000.0]),
+    behaviour=st.sampled_from([0, 1]),
+    room=st.floats(-12.0, 6.0),
+)
+@example((200.5, 401.0), 2000.0, 200.0, 0.0, 0, -8.0)
+def test_limit_reached_at_the_end_of_a_superseding_acceleration(
+    speeds, acceleration, deceleration, jerk, behaviour, room
+):
+    """The limit comes where the acceleration of a superseding job ends: the axis stops on the limit."""
+    first, second = speeds
+    far = {"PositionLimits_SW.MaxPosition": 1e6, "PositionLimits_SW.LimitReachedBehavior": behaviour}
+    rig = soft(**far, **{"DynamicLimits.MaxDeceleration": deceleration})
+    limit = 0.3 * first + (first + second) / 2.0 * abs(second - first) / acceleration
+    limit += second * second / (2.0 * deceleration) + room
+    rig.axis.write(
+        "PositionLimits_SW.MaxPosition", max(limit, 0.35 * first + first * first / 2.0 / deceleration)
+    )
+    dynamics = {"Acceleration": acceleration, "Deceleration": deceleration, "Jerk": jerk}
+    rig.axis.move_velocity(first, **dynamics | {"Acceleration": 2000.0})
+    rig.run(0.3)
+    rig.axis.move_velocity(second, **dynamics)
+    rig.until(lambda: raised(rig), 10.0)
+    rig.until(lambda: rig.column("velocity_setpoint")[-1] == 0.0)
+    assert raised(rig, 533, 534) == [(533, 2)]
+    assert max(rig.column("position_setpoint")) == pytest.approx(
+        rig.axis.var("PositionLimits_SW.MaxPosition")
+    )

@@ -292,12 +292,12 @@ def test_following_error_alarm_after_warning(rig):
     rig.travelling(100.0)
     permitted = rig.axis.position.monitoring.permitted_following_error(100.0)
     before = rig.port.encoder_increments
-    rig.port._angle -= (permitted * 0.95) / 10.0 * 6.283185307179586
+    rig.port.turn(-((permitted * 0.95) / 10.0 * 6.283185307179586))
     rig.cycles(1)
     assert rig.port.encoder_increments != before
     assert rig.axis.var("WarningWord.X11")
     assert rig.axis.var("ErrorDetail.Number") in (0, 522)
-    rig.port._angle -= permitted * 0.2 / 10.0 * 6.283185307179586
+    rig.port.turn(-(permitted * 0.2 / 10.0 * 6.283185307179586))
     rig.cycles(1)
     assert (rig.axis.var("ErrorDetail.Number"), rig.axis.var("ErrorDetail.Reaction")) == (521, 4)
     assert rig.axis.var("ErrorWord.X11")
@@ -333,7 +333,7 @@ def test_positioning_window_not_reached(make_rig):
     rig.enabled()
     move = rig.axis.move_relative(20.0)
     rig.until(lambda: rig.axis.var("Velocity") > 50.0)
-    rig.port._angle -= 0.5
+    rig.port.turn(-0.5)
     rig.until(lambda: move.Error or move.Done)
     assert (move.Error, move.ErrorID) == (True, 0x8001)
     assert rig.axis.var("ErrorDetail.Number") == 541
@@ -357,7 +357,7 @@ def test_done_waits_for_the_dwell_time(make_rig, dwell):
 @pytest.mark.requirement("TA-013", "LIM-049")
 @pytest.mark.parametrize("case", ["further out", "both"])
 def test_the_cause_of_a_repeated_alarm(make_rig, case):
-    """Acknowledged at the switch: a motion further out is 531 with cause 3, the other switch beside it with
+    """Acknowledged at the switch: a motion further out is 531 with cause 3, the other switch next to it with
     cause 5.
     """
     rig = make_rig(variables={"PositionLimits_HW.Active": True}).travelling(100.0)

@@ -237,7 +237,7 @@ def test_homing_begins_the_travel_anew():
     feedback = rig.axis.feedback
     moved = rig.port.encoder_increments
     before = feedback.position
-    rig.port._angle += 3 * 6.283185307179586 / 131072
+    rig.port.turn(3 * 6.283185307179586 / 131072)
     rig.axis.power(False)
     rig.cycles(1)
     counts = rig.port.encoder_increments - moved

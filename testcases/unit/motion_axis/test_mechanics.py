@@ -15,6 +15,7 @@ from motion.s7.axis.configuration import given_values
 from motion.s7.handles import AxisHandle
 from motion.s7.units import decimals, farthest_position, travel_time_s
 from motion.s7.variables import VariableStore
+from testcases.catalogue import each, requirements_in
 from testcases.unit.motion_axis.conftest import Rig
 
 ROTARY = {"Properties.MotionType": 1}
@@ -363,6 +364,56 @@ class TestCounts:
         assert (encoder.feedback.velocity, encoder.feedback.position) == (0.0, pytest.approx(1.0))
 
 
+GROUPS_OF_AN_OBJECT_CASES = [
+    ("Properties.MotionType", "PE"),
+    ("Units.VelocityUnit", "SPE"),
+    ("Modulo.Enable", "PE"),
+    ("Simulation.Mode", "SP"),
+    ("VirtualAxis.Mode", "SP"),
+    ("Actor.Type", "SP"),
+    ("Actor.DataAdaption", "SP"),
+    ("Actor.Interface.EnableTorqueData", "SP"),
+    ("Sensor[1].DataAdaption", "P"),
+    ("Sensor.DataAdaption", "E"),
+    ("Actor.InverseDirection", "SP"),
+    ("Sensor[1].InverseDirection", "P"),
+    ("Sensor.InverseDirection", "E"),
+    ("LoadGear.Numerator", "SPE"),
+    ("Sensor[1].MeasuringGear.Numerator", "P"),
+    ("Sensor.MeasuringGear.Numerator", ""),
+    ("Mechanics.LeadScrew", "PE"),
+    ("Actor.LoadInertia", "P"),
+    ("Sensor[1].Backlash.Enable", "P"),
+    ("Sensor.Backlash.Enable", ""),
+    ("DynamicDefaults.EmergencyDeceleration", "SP"),
+    ("DynamicLimits.MaxVelocity", "SP"),
+    ("TorqueLimiting.LimitBase", "SP"),
+    ("PositionLimits_SW.Active", "P"),
+    ("PositionLimits_HW.Active", "P"),
+    ("Clamping.PositionTolerance", "P"),
+    ("Sensor[1].ActiveHoming.Mode", "P"),
+    ("Sensor.ActiveHoming.Mode", ""),
+    ("Sensor[1].PassiveHoming.Mode", "P"),
+    ("Sensor.PassiveHoming.Mode", "E"),
+    ("PositioningMonitoring.Window", "P"),
+    ("FollowingError.MaxValue", "P"),
+    ("StandstillSignal.MinDwellTime", "PE"),
+    ("PositionControl.EnableDSC", "P"),
+    ("SetpointFilter.DynamicFilter.Mode", "P"),
+    ("CrossPlcSynchronousOperation.LocalLeadingValueDelayTime", "PE"),
+    ("Extrapolation.PositionFilter.T1", "PE"),
+    ("Position", "P"),
+    ("ActualPosition", "PE"),
+]
+
+
+def check_groups_of_an_object(path, types):
+    kinds = {"S": "SpeedAxis", "P": "PositioningAxis", "E": "ExternalEncoder"}
+    found = "".join(letter for letter, kind in kinds.items() if path in set(VariableStore(kind).paths()))
+    assert found == types
+    assert (path in set(VariableStore("SynchronousAxis").paths())) is ("P" in types)
+
+
 @pytest.mark.requirement(
     "CFG-019",
     "CFG-020",
@@ -384,58 +435,14 @@ class TestCounts:
     "CFG-030",
     "CFG-034",
 )
-@pytest.mark.parametrize(
-    ("path", "types"),
-    [
-        ("Properties.MotionType", "PE"),
-        ("Units.VelocityUnit", "SPE"),
-        ("Modulo.Enable", "PE"),
-        ("Simulation.Mode", "SP"),
-        ("VirtualAxis.Mode", "SP"),
-        ("Actor.Type", "SP"),
-        ("Actor.DataAdaption", "SP"),
-        ("Actor.Interface.EnableTorqueData", "SP"),
-        ("Sensor[1].DataAdaption", "P"),
-        ("Sensor.DataAdaption", "E"),
-        ("Actor.InverseDirection", "SP"),
-        ("Sensor[1].InverseDirection", "P"),
-        ("Sensor.InverseDirection", "E"),
-        ("LoadGear.Numerator", "SPE"),
-        ("Sensor[1].MeasuringGear.Numerator", "P"),
-        ("Sensor.MeasuringGear.Numerator", ""),
-        ("Mechanics.LeadScrew", "PE"),
-        ("Actor.LoadInertia", "P"),
-        ("Sensor[1].Backlash.Enable", "P"),
-        ("Sensor.Backlash.Enable", ""),
-        ("DynamicDefaults.EmergencyDeceleration", "SP"),
-        ("DynamicLimits.MaxVelocity", "SP"),
-        ("TorqueLimiting.LimitBase", "SP"),
-        ("PositionLimits_SW.Active", "P"),
-        ("PositionLimits_HW.Active", "P"),
-        ("Clamping.PositionTolerance", "P"),
-        ("Sensor[1].ActiveHoming.Mode", "P"),
-        ("Sensor.ActiveHoming.Mode", ""),
-        ("Sensor[1].PassiveHoming.Mode", "P"),
-        ("Sensor.PassiveHoming.Mode", "E"),
-        ("PositioningMonitoring.Window", "P"),
-        ("FollowingError.MaxValue", "P"),
-        ("StandstillSignal.MinDwellTime", "PE"),
-        ("PositionControl.EnableDSC", "P"),
-        ("SetpointFilter.DynamicFilter.Mode", "P"),
-        ("CrossPlcSynchronousOperation.LocalLeadingValueDelayTime", "PE"),
-        ("Extrapolation.PositionFilter.T1", "PE"),
-        ("Position", "P"),
-        ("ActualPosition", "PE"),
-    ],
-)
-def test_groups_of_an_object(path, types):
+@requirements_in(GROUPS_OF_AN_OBJECT_CASES)
+def test_groups_of_an_object(subtests):
     """A technology object has the configuration groups of its type, and none of the others (CFG section
     2.2).
     """
-    kinds = {"S": "SpeedAxis", "P": "PositioningAxis", "E": "ExternalEncoder"}
-    found = "".join(letter for letter, kind in kinds.items() if path in set(VariableStore(kind).paths()))
-    assert found == types
-    assert (path in set(VariableStore("SynchronousAxis").paths())) is ("P" in types)
+    for label, values in each(GROUPS_OF_AN_OBJECT_CASES):
+        with subtests.test(label):
+            check_groups_of_an_object(*values)
 
 
 NUMBERS = {"LoadGear.Numerator": 2, "Mechanics.LeadScrew": 8.0, "Sensor[1].MeasuringGear.Numerator": 3,

@@ -119,7 +119,7 @@ def test_another_name_or_number_of_objects_gets_nothing(card):
     "damage",
     [
         lambda text: text[: len(text) // 2],
-        lambda text: text.replace('"adjusted": 1', '"adjusted": 0'),
+        lambda text: text.replace('"adjusted": true', '"adjusted": false'),
         lambda text: "[]",
         lambda text: "",
         lambda text: '{"sha256": "0"}',

@@ -326,7 +326,7 @@ class TestAxis:
         rig = make_rig(
             variables=ROTARY | {"Sensor[1].Type": kind, "StatusSensor[1].AbsEncoderOffset": offset}
         )
-        rig.port._angle = 2.1 * 6.283185307179586
+        rig.port.turn(2.1 * 6.283185307179586 - rig.port.angle)
         rig.cycles(2)
         axis = rig.axis.object
         axis.variables.power_cycle()

@@ -9,8 +9,9 @@ from itertools import pairwise
 import pytest
 
 import motion.s7.instructions as instructions
-from motion.s7.axis.override import COLUMNS, TABLE
-from motion.s7.axis.override_tables import MOTION, TABLES, UNDER_INTERPRETER
+from motion.s7.axis.override import COLUMNS, MOTION, TABLE, TABLES, UNDER_INTERPRETER
+from testcases.catalogue import each, requirements_in
+from testcases.unit.motion_axis.conftest import Rig
 from testcases.unit.motion_axis.override_cells import ACTIVE, NEW, PAGE, cells, exists, missing, page
 
 PRINTED = """
@@ -64,7 +65,7 @@ def test_no_interpreter_yet():
 
 
 def test_the_page_is_what_the_tables_say():
-    """`docs/overriding.md` is written anew with `python -m testcases.unit.motion_axis.override_cells`."""
+    """`docs/reference/overriding.md` is what `python -m testcases.unit.motion_axis.override_cells` writes."""
     assert PAGE.read_text(encoding="utf-8") == page()
 
 
@@ -163,20 +164,17 @@ def fate_of_new_job(rig, job, cell, old):
         assert fate != "W" or old.Done
 
 
-@pytest.mark.parametrize(
-    "cell",
-    [
-        pytest.param(
-            cell, id=f"{cell.new} over {cell.active}",
-            marks=pytest.mark.requirement(*identifiers(cell)),
-        )
-        for cell in TESTABLE
-    ],
-)  # fmt: skip
-def test_cell(rig, cell):
-    """A new job over a running one does to both what the cell says; the setpoint has no step but that of a
-    MotionIn job.
-    """
+CELL_CASES = [
+    pytest.param(
+        cell,
+        id=f"{cell.new} over {cell.active}",
+        marks=pytest.mark.requirement(*identifiers(cell)),
+    )
+    for cell in TESTABLE
+]
+
+
+def check_cell(rig, cell):
     old = running(rig, cell)
     since = len(rig.rows) - 1
     job = NEW[cell.new].make(rig)
@@ -197,6 +195,17 @@ def test_cell(rig, cell):
     assert velocity <= 4000.0 * 0.004 + 0.5
     shifts = [abs(event.data["offset"]) for event in rig.events("axis.homed") if event.data["mode"] in (3, 5)]
     assert position <= 500.0 * 0.004 + max(shifts, default=0.0)
+
+
+@pytest.mark.exhaustive
+@requirements_in(CELL_CASES)
+def test_cell(subtests):
+    """A new job over a running one does to both what the cell says; the setpoint has no step but that of a
+    MotionIn job.
+    """
+    for label, values in each(CELL_CASES):
+        with subtests.test(label):
+            check_cell(Rig(), *values)
 
 
 @pytest.mark.requirement("OVR-002", "OVR-017", "OVR-105", "MC-419", "G2-024")
@@ -220,11 +229,7 @@ def test_stop_over_stop(rig, first, second):
         rig.until(old.done)
 
 
-@pytest.mark.requirement("OVR-088")
-@pytest.mark.parametrize("mode", [0, 1, 11, 12])
-@pytest.mark.parametrize("active", [name for name in ACTIVE if exists(name)])
-def test_homing_without_motion_over_anything(rig, mode, active):
-    """Modes that set the position are Done at once, and abort nothing."""
+def check_homing_without_motion_over_anything(rig, mode, active):
     cell = next(cell for cell in MOTION.cells() if cell.active == active)
     old = running(rig, cell)
     job = rig.axis.home(1.0, mode=mode)
@@ -232,6 +237,15 @@ def test_homing_without_motion_over_anything(rig, mode, active):
     assert job.Done
     assert old.Busy
     assert not old.CommandAborted
+
+
+@pytest.mark.exhaustive
+@pytest.mark.requirement("OVR-088")
+def test_homing_without_motion_over_anything(subtests):
+    """Modes that set the position are Done at once, and abort nothing."""
+    for label, values in each([0, 1, 11, 12], [name for name in ACTIVE if exists(name)]):
+        with subtests.test(label):
+            check_homing_without_motion_over_anything(Rig(), *values)
 
 
 @pytest.mark.requirement("OVR-009", "MC-268")

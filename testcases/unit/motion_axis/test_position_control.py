@@ -151,7 +151,7 @@ def test_a_disabled_axis_follows_what_moves_it():
     rig.axis.home(10.0)
     rig.cycles(2)
     for _ in range(100):
-        rig.port._angle += 0.15 / 10.0 * 2.0 * np.pi
+        rig.port.turn(0.15 / 10.0 * 2.0 * np.pi)
         rig.cycles()
     assert rig.axis.var("ActualPosition") == pytest.approx(25.0, abs=1e-3)
     assert rig.axis.var("Position") == rig.axis.var("ActualPosition")

@@ -22,7 +22,7 @@ DYNAMIC = {
 
 def displace(rig, distance):
     """Turn the motor by `distance`, mm, without the controller's doing (pitch 10 mm)."""
-    rig.port._angle += distance / 10.0 * tau
+    rig.port.turn(distance / 10.0 * tau)
 
 
 def numbers(rig):

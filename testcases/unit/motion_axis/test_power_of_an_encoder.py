@@ -6,32 +6,23 @@ from __future__ import annotations
 
 import pytest
 
-from fieldbus.clock import VirtualScheduler
-from fieldbus.history import History
 from motion.drives.simulated import SimulatedDrivePort
 from motion.s7.axis import ExternalEncoder
-from motion.s7.handles import EncoderHandle
 from motion.s7.instructions import MC_Power
-from motion.s7.runtime import Runtime
+from testcases.rigs import ControllerRig
 
 MS = 1_000_000
 
 
-class Rig:
+class Rig(ControllerRig):
     """An external encoder on a port that the test sets."""
 
     def __init__(self):
-        self.scheduler = VirtualScheduler()
-        self.history = History(self.scheduler)
+        super().__init__()
         self.port = SimulatedDrivePort(cycle_s=0.004)
         external = ExternalEncoder("ext1", self.port, cycle_ns=4 * MS, history=self.history)
-        self.runtime = Runtime(self.scheduler, cycle_ns=4 * MS, history=self.history)
-        self.runtime.add_encoder(external)
-        self.encoder = EncoderHandle(self.runtime, external)
+        self.control_encoder(external)
         self.runtime.start()
-
-    def cycles(self, number):
-        self.scheduler.run_for(number * 4 * MS)
 
 
 @pytest.fixture

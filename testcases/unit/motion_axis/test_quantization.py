@@ -73,7 +73,7 @@ def test_an_axis_rests_inside_the_quantum():
         rig = Rig(variables={VALUE: quantum, MODE: 2})
         rig.axis.power()
         rig.scheduler.run_for(S)
-        rig.port._angle += 0.04 / 10.0 * 6.283185307179586
+        rig.port.turn(0.04 / 10.0 * 6.283185307179586)
         speeds = []
         for _ in range(20):
             rig.scheduler.run_for(4_000_000)

@@ -86,7 +86,7 @@ def test_in_the_units_of_the_axis():
         (
             {"maximum_up_s": 1.0},
             {UP: 1000.0},
-            f"{UP}: 1000.0 is not allowed; allowed: no value beside ramp_times",
+            f"{UP}: 1000.0 is not allowed; allowed: no value together with ramp_times",
         ),
     ],
 )

@@ -6,15 +6,12 @@ from __future__ import annotations
 
 import pytest
 
-from fieldbus.clock import VirtualScheduler
 from fieldbus.errors import ConfigurationError
-from fieldbus.history import History
 from motion.drives.encoder import EncoderPort
 from motion.drives.simulated import SimulatedDrivePort
 from motion.s7.axis import PositioningAxis
-from motion.s7.handles import AxisHandle
 from motion.s7.instructions import MC_SetSensor
-from motion.s7.runtime import Runtime
+from testcases.rigs import ControllerRig
 from testcases.unit.motion_axis.conftest import REFERENCE
 
 MS = 1_000_000
@@ -54,12 +51,11 @@ def test_the_page_shows_the_operative_encoder():
     assert shown == [(1, 1), (2, 2), (1, 1)]
 
 
-class Rig:
+class Rig(ControllerRig):
     """An axis with the motor encoder and one or two more on the same shaft."""
 
     def __init__(self, *, ahead=(0.4,), types=(0, 1), **variables):
-        self.scheduler = VirtualScheduler()
-        self.history = History(self.scheduler)
+        super().__init__()
         self.port = SimulatedDrivePort(cycle_s=0.004)
         self.others = [Coupled(self.port, round(mm / 10.0 * FULL)) for mm in ahead]
         settings = dict(REFERENCE)
@@ -77,17 +73,9 @@ class Rig:
             delay_s=0.004,
             encoders=[self.port, *self.others],
         )
-        self.runtime = Runtime(self.scheduler, cycle_ns=4 * MS, history=self.history)
-        self.runtime.add(axis)
-        self.axis = AxisHandle(self.runtime, axis)
+        self.control_axis(axis)
         self.runtime.start()
         self.cycles(3)
-
-    def cycles(self, number):
-        self.scheduler.run_for(number * 4 * MS)
-
-    def until(self, predicate):
-        assert self.scheduler.run_until(predicate, 5 * 10**9)
 
     def enabled(self):
         self.until(self.axis.power().status)

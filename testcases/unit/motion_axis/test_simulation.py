@@ -31,7 +31,7 @@ class TestBoth:
         rig.port.write(0x0123, 45.0)  # what the image holds before
         ramp(rig)
         assert rig.axis.var("ActualPosition") > 30.0
-        assert (rig.port._stw1, rig.port._setpoint) == (0x0123, 45.0)
+        assert rig.port.written == (0x0123, 45.0)
         assert rig.axis.var("StatusWord.X25") is True
 
     @BOTH

@@ -6,21 +6,20 @@ from __future__ import annotations
 
 import pytest
 
-from emulators.drive.machine import LinearAxisConfig, SwitchConfig
+from emulators.drive.machine import NO_SWITCHES, LinearAxisConfig, SwitchesConfig
 from emulators.drive.profidrive.statemachine import AxisState
+from emulators.drive.pto_settings import PtoSettings
 from emulators.drive.stepper import StepperDriveConfig
 from emulators.drive.stepper_can import StepperCanDrive, StepperNodeConfig
 from emulators.io.tm_pto import PtoConfig
 from fieldbus.can import CanMedium
 from fieldbus.canopen.master import CanopenMaster
-from fieldbus.clock import MS, S, VirtualScheduler
+from fieldbus.clock import MS
 from fieldbus.errors import ConfigurationError
-from fieldbus.history import History
 from motion.drives.profidrive_can import ProfidriveCanConfig
 from motion.drives.tm_pto import pto_words, pulse_module_port
 from motion.s7.axis import PositioningAxis
-from motion.s7.handles import AxisHandle
-from motion.s7.runtime import Runtime
+from testcases.rigs import ControllerRig
 from testcases.unit.motion_axis.conftest import REFERENCE
 
 pytestmark = pytest.mark.exhaustive
@@ -31,22 +30,27 @@ MACHINE = {
     "motor_inertia_kgm2": 3e-5,
     "screw_inertia_kgm2": 1e-5,
     "load_mass_kg": 5.0,
-    "stops_m": (None, None),
+    "negative_stop_mm": None,
+    "positive_stop_mm": None,
 }
 
 
-class Rig:
+class Rig(ControllerRig):
     """One axis, a CAN segment, a pulse module with motor and machine."""
 
-    def __init__(self, *, standard=False, variables=None, machine=None, drive=None, **channel):
-        self.scheduler = scheduler = VirtualScheduler()
-        self.history = History(scheduler)
+    def __init__(
+        self, *, standard=False, variables=None, machine=None, switches=NO_SWITCHES, settings=None, **channel
+    ):
+        super().__init__()
+        scheduler = self.scheduler
         self.segment = CanMedium(scheduler, name="can0", history=self.history)
         channel = {"increments": INCREMENTS, "ramp_stop_ms": 100, "quick_stop_ms": 500, **channel}
+        own = {"use_ed": False, "use_dr": False, **(settings or {})}
+        own["variant"] = "standard" if standard else "device"
         config = StepperDriveConfig(
-            channel=PtoConfig(standard=standard, **channel),
+            channel=PtoConfig(settings=PtoSettings(**own), **channel),
             mechanics=LinearAxisConfig(**MACHINE | (machine or {})),
-            **(drive or {}),
+            switches=switches,
         )
         self.drive = StepperCanDrive(
             scheduler,
@@ -79,9 +83,7 @@ class Rig:
             history=self.history,
             delay_s=0.006,
         )
-        self.runtime = Runtime(scheduler, cycle_ns=CYCLE_NS, history=self.history)
-        self.runtime.add(self.technology)
-        self.axis = AxisHandle(self.runtime, self.technology)
+        self.control_axis(self.technology)
         self.words = []
         self.drive.power_on()
         self.port.node.boot()
@@ -96,12 +98,6 @@ class Rig:
         word = int(self.drive.drive.trace_row()[9])
         if not self.words or self.words[-1][0] != word:
             self.words.append((word, self.channel.state))
-
-    def run(self, seconds):
-        self.scheduler.run_for(round(seconds * S))
-
-    def until(self, predicate, timeout=5.0):
-        assert self.scheduler.run_until(predicate, round(timeout * S))
 
     def travelling(self, velocity=300.0):
         self.power = self.axis.power()
@@ -126,7 +122,7 @@ class Rig:
 @pytest.mark.requirement("PTO-273", "PTO-155")
 def test_enabling_step_by_step():
     """0450h, 0456h, 0457h, 045Fh, each when the module has answered the one before."""
-    rig = Rig(use_ed=True, use_dr=True, drive={"ready_delay_s": 0.2})
+    rig = Rig(settings={"use_ed": True, "use_dr": True, "ready_delay_ms": 200.0})
     rig.run(0.02)
     words = [frame.data[:2].hex() for _, _, frame, _ in rig.segment.log if frame.can_id == 0x205]
     assert words[:2] == ["5004", "5604"]
@@ -310,7 +306,7 @@ def test_end_stop():
     """At an end stop the shaft stands, whatever the pulses do; back from it the count has lost what was
     missed.
     """
-    rig = Rig(machine={"stops_m": (None, 0.05)}).travelling(100.0)
+    rig = Rig(machine={"positive_stop_mm": 50.0}).travelling(100.0)
     rig.run(1.0)
     assert rig.position == pytest.approx(50.0, abs=0.01)
     assert rig.shown > 80.0
@@ -322,8 +318,14 @@ def test_end_stop():
 
 def test_switches_of_the_machine():
     """Home is wired to RS and the limit switches to the inputs of the node: the axis stops at one."""
-    switches = {"positive_limit": SwitchConfig(low=0.06), "home": SwitchConfig(low=0.02, high=0.03)}
-    rig = Rig(machine={"switches": switches}, use_rs=True, variables={"PositionLimits_HW.Active": True})
+    switches = SwitchesConfig(
+        negative_limit_mm=None, positive_limit_mm=60.0, home_from_mm=20.0, home_to_mm=30.0, hysteresis_mm=0.0
+    )
+    rig = Rig(
+        switches=switches,
+        settings={"use_rs": True},
+        variables={"PositionLimits_HW.Active": True},
+    )
     power = rig.axis.power()
     rig.until(power.status)
     rig.axis.move_velocity(100.0)
@@ -370,9 +372,11 @@ def test_what_the_module_lacks_is_refused():
     for wrong in ({"node_id": 0}, {"boot_time_s": -1.0}, {"cycle_ns": 0}):
         with pytest.raises(ConfigurationError):
             StepperNodeConfig(**wrong)
-    for wrong in ({"servo_period_ns": 0}, {"ready_delay_s": -1.0}, {"full_steps": 3}):
-        with pytest.raises(ConfigurationError):
-            StepperDriveConfig(**wrong)
+    with pytest.raises(ConfigurationError, match="servo_period_ns"):
+        StepperDriveConfig(servo_period_ns=0)
+    for key, wrong in (("ready_delay_ms", -1.0), ("full_steps", 3), ("full_steps", 6)):
+        with pytest.raises(ConfigurationError, match=key):
+            StepperDriveConfig(channel=PtoConfig(settings=PtoSettings(**{key: wrong})))
 
 
 @pytest.mark.requirement("PTO-271")

@@ -7,6 +7,7 @@ from __future__ import annotations
 import pytest
 
 from motion.s7.axis import AxisState
+from testcases.catalogue import each, requirements_in
 
 S = AxisState
 ALARM = {1: 533, 2: 104, 3: 321, 4: 421, 5: 550}
@@ -200,21 +201,19 @@ def happen(rig, event, extra):
     return None
 
 
-@pytest.mark.parametrize(
-    ("start", "event", "end"),
-    [
-        pytest.param(
-            start,
-            event,
-            end,
-            id=f"{start.name}-{event.replace(' ', '_')}",
-            marks=pytest.mark.requirement(identifier),
-        )
-        for identifier, start, event, end in TRANSITIONS
-    ],
-)
-def test_transition(make_rig, start, event, end):
-    """The event leads to the printed state; where jobs are disabled or stopped away they end."""
+TRANSITION_CASES = [
+    pytest.param(
+        start,
+        event,
+        end,
+        id=f"{start.name}-{event.replace(' ', '_')}",
+        marks=pytest.mark.requirement(identifier),
+    )
+    for identifier, start, event, end in TRANSITIONS
+]
+
+
+def check_transition(make_rig, start, event, end):
     rig = make_rig(variables={"Actor.RemoveEnableReaction": 7})
     extra = reach(rig, start)
     passed = []
@@ -226,6 +225,15 @@ def test_transition(make_rig, start, event, end):
     assert end in passed if end in (S.ALARM_DRIVE_STOP, S.DISABLING_COAST) else state(rig) is end
     if event.startswith(("disable", "stop")) and "job" in extra and extra["job"] is not None:
         assert extra["job"].CommandAborted or extra["job"].Done
+
+
+@pytest.mark.exhaustive
+@requirements_in(TRANSITION_CASES)
+def test_transition(make_rig, subtests):
+    """The event leads to the printed state; where jobs are disabled or stopped away they end."""
+    for label, values in each(TRANSITION_CASES):
+        with subtests.test(label):
+            check_transition(make_rig, *values)
 
 
 @pytest.mark.parametrize(
@@ -454,9 +462,10 @@ def expected_severity(active, new, what):
     return SEVERITY.get(new if what == "N" else active)
 
 
-@pytest.mark.parametrize(("active", "new", "what"), list(cells()))
-def test_cell_of_the_superseding_matrix(make_rig, active, new, what):
-    """Every cell: who brakes, what the MC_Stop shows, how it ends."""
+CELL_OF_THE_SUPERSEDING_MATRIX_CASES = list(cells())
+
+
+def check_cell_of_the_superseding_matrix(make_rig, active, new, what):
     rig = make_rig(
         variables={
             "Actor.RemoveEnableReaction": 7 if active.endswith("'") else 1 if active == "reaction 4" else 5
@@ -523,3 +532,12 @@ def test_cell_of_the_superseding_matrix(make_rig, active, new, what):
         if first is not None:
             assert first.CommandAborted
         rig.until(rig.axis.power_instance.off)
+
+
+@pytest.mark.exhaustive
+@requirements_in(CELL_OF_THE_SUPERSEDING_MATRIX_CASES)
+def test_cell_of_the_superseding_matrix(make_rig, subtests):
+    """Every cell: who brakes, what the MC_Stop shows, how it ends."""
+    for label, values in each(CELL_OF_THE_SUPERSEDING_MATRIX_CASES):
+        with subtests.test(label):
+            check_cell_of_the_superseding_matrix(make_rig, *values)

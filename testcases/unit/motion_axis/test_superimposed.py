@@ -370,3 +370,21 @@ def test_homing_moves_the_scale_of_both(rig):
     assert rig.axis.var("Position") - before == pytest.approx(1000.0, abs=1.0)
     rig.until(top.done)
     assert rig.axis.var("StatusPositioning.SuperimposedDistance") == pytest.approx(100.0)
+
+
+@pytest.mark.requirement("STP-607")
+@pytest.mark.parametrize("moving", [False, True], ids=["at rest", "under a basic motion"])
+@pytest.mark.parametrize(
+    ("limit", "alarm"), [("MaxAcceleration", 305), ("MaxDeceleration", 305), ("MaxJerk", 306)]
+)
+def test_limit_of_zero(rig, limit, alarm, moving):
+    """A dynamic limit of zero: alarm 305 or 306, and the superimposed job ends with an error."""
+    rig.enabled()
+    basic = rig.axis.move_velocity(100.0) if moving else None
+    rig.run(0.2)
+    rig.axis.write(f"DynamicLimits.{limit}", 0.0)
+    top = rig.axis.move_superimposed(50.0)
+    rig.cycles(3)
+    assert rig.events("alarm.raised")[0].data["number"] == alarm
+    assert (top.Error, top.ErrorID, top.Busy) == (True, 0x8001, False)
+    assert basic is None or basic.Error

@@ -334,7 +334,7 @@ def test_the_setpoint_counts(make_rig):
     rig = soft(make_rig, **{"FollowingError.EnableMonitoring": False})
     rig.axis.move_velocity(200.0)
     rig.until(lambda: rig.axis.state is AxisState.ALARM_RAMP)
-    rig.port._angle += 3.0 / 10.0 * tau
+    rig.port.turn(3.0 / 10.0 * tau)
     rig.until(lambda: rig.axis.state is AxisState.ALARM_STANDSTILL)
     assert max(rig.column("actual_position")) > 100.0
     assert rig.events("alarm.raised")[0].data["number"] == 533
@@ -405,7 +405,7 @@ def test_a_disabled_axis_raises_nothing(make_rig):
     rig.axis.power(False)
     rig.until(rig.axis.power_instance.off)
     for _ in range(60):
-        rig.port._angle += 2.0 / 10.0 * tau
+        rig.port.turn(2.0 / 10.0 * tau)
         rig.cycles()
     rig.cycles(2)
     assert rig.axis.status_word & X16

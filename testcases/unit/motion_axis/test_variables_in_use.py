@@ -18,7 +18,7 @@ from testcases.unit.motion_axis.conftest import REFERENCE, SPEED, TorquePort
 
 pytestmark = pytest.mark.exhaustive
 
-DOCUMENT = Path(__file__).parents[3] / "docs" / "axis-configuration.md"
+DOCUMENT = Path(__file__).parents[3] / "docs" / "reference" / "axis-configuration.md"
 CONFIGURATIONS = {
     "SpeedAxis": [SPEED, SPEED | {"TorqueLimiting.LimitBase": 1}],
     "PositioningAxis": [

@@ -223,12 +223,12 @@ def test_the_data_block_is_frozen_during_a_restart(rig):
     rig.until(lambda: rig.axis.var("StatusWord.X2"))
     before = rig.axis.var("ActualPosition")
     assert before == pytest.approx(12.0, abs=1e-3)
-    rig.port._angle += 1.0
+    rig.port.turn(1.0)
     rig.cycles(2)
     assert rig.axis.var("StatusWord.X2") is True
     assert rig.axis.var("ActualPosition") == before
     rig.until(reset.done)
-    rig.port._angle += 1.0
+    rig.port.turn(1.0)
     rig.cycles(2)
     assert rig.axis.var("StatusWord.X2") is False
     assert rig.axis.var("ActualPosition") != before

@@ -10,6 +10,7 @@ import pytest
 
 import motion.s7.instructions as instructions
 from motion.s7.axis import AxisState
+from testcases.catalogue import each
 from testcases.unit.motion_axis.conftest import Rig, TorquePort
 
 ERRORS = {
@@ -78,13 +79,7 @@ def moving():
     return rig, job
 
 
-@pytest.mark.requirement("MC-600", "MC-059", "MC-007", "MC-610", "MC-615")
-@pytest.mark.parametrize(("name", "key"), CASES)
-@pytest.mark.parametrize("value", [nan, inf, -inf, 1.0e30, -1.0e30, "5.0", None])
-def test_what_is_no_value(name, key, value):
-    """No number, infinite, or beyond the range of the variables: the ErrorID of the input; the running job
-    goes on.
-    """
+def check_what_is_no_value(name, key, value):
     rig, running = moving()
     kind = getattr(instructions, name)
     one = rig.axis.run(kind(rig.axis.object, **NEEDS.get(name, {})))
@@ -97,10 +92,18 @@ def test_what_is_no_value(name, key, value):
     assert rig.port.torque_range == (1.0, -1.0)
 
 
-@pytest.mark.requirement("MC-600", "MC-086", "MC-087", "MC-088", "MC-090", "MC-091", "MC-092")
-@pytest.mark.parametrize(("name", "key"), CASES)
-def test_zero(name, key):
-    """0.0 is refused as acceleration, deceleration and velocity of a way; everywhere else it is a value."""
+@pytest.mark.exhaustive
+@pytest.mark.requirement("MC-600", "MC-059", "MC-007", "MC-610", "MC-615")
+def test_what_is_no_value(subtests):
+    """No number, infinite, or beyond the range of the variables: the ErrorID of the input; the running job
+    goes on.
+    """
+    for label, values in each(CASES, [nan, inf, -inf, 1.0e30, -1.0e30, "5.0", None]):
+        with subtests.test(label):
+            check_what_is_no_value(*values)
+
+
+def check_zero(name, key):
     rig, running = moving()
     kind = getattr(instructions, name)
     one = rig.axis.run(kind(rig.axis.object, **NEEDS.get(name, {})))
@@ -118,29 +121,33 @@ def test_zero(name, key):
         assert running.InVelocity
 
 
-@pytest.mark.requirement("MC-600")
-@pytest.mark.parametrize("value", [nan, 1.0e30, -1, 99, "0", None, [0]])
-@pytest.mark.parametrize(
-    ("name", "key", "error"),
-    [
-        ("MC_Halt", "Mode", 0x800A),
-        ("MC_Stop", "Mode", 0x800A),
-        ("MC_MoveAbsolute", "BufferMode", 0x800A),
-        ("MC_MoveRelative", "BufferMode", 0x800A),
-        ("MC_MoveVelocity", "Direction", 0x8007),
-        ("MC_Home", "Mode", 0x800A),
-        ("MC_SetSensor", "Sensor", 0x8050),
-        ("MC_SetSensor", "Mode", 0x800A),
-        ("MC_TorqueLimiting", "Mode", 0x800A),
-        ("MC_WriteParameter", "ParameterNumber", 0x805A),
-        ("MC_SetAxisSTW", "STW1BitMask", 0x8055),
-        ("MC_SetAxisSTW", "STW2BitMask", 0x8055),
-        ("MC_SetAxisSTW", "STW1", None),
-        ("MC_SetAxisSTW", "STW2", None),
-    ],
-)
-def test_what_is_no_choice(name, key, error, value):
-    """Modes, directions, numbers and words that there are not: an ErrorID, never an exception."""
+@pytest.mark.requirement("MC-600", "MC-086", "MC-087", "MC-088", "MC-090", "MC-091", "MC-092")
+def test_zero(subtests):
+    """0.0 is refused as acceleration, deceleration and velocity of a way; everywhere else it is a value."""
+    for label, values in each(CASES):
+        with subtests.test(label):
+            check_zero(*values)
+
+
+NO_CHOICE_NAME_KEY_ERROR = [
+    ("MC_Halt", "Mode", 0x800A),
+    ("MC_Stop", "Mode", 0x800A),
+    ("MC_MoveAbsolute", "BufferMode", 0x800A),
+    ("MC_MoveRelative", "BufferMode", 0x800A),
+    ("MC_MoveVelocity", "Direction", 0x8007),
+    ("MC_Home", "Mode", 0x800A),
+    ("MC_SetSensor", "Sensor", 0x8050),
+    ("MC_SetSensor", "Mode", 0x800A),
+    ("MC_TorqueLimiting", "Mode", 0x800A),
+    ("MC_WriteParameter", "ParameterNumber", 0x805A),
+    ("MC_SetAxisSTW", "STW1BitMask", 0x8055),
+    ("MC_SetAxisSTW", "STW2BitMask", 0x8055),
+    ("MC_SetAxisSTW", "STW1", None),
+    ("MC_SetAxisSTW", "STW2", None),
+]
+
+
+def check_what_is_no_choice(value, name, key, error):
     if key in ("STW1", "STW2") and value == 99:
         value = 0x10000
     rig, running = moving()
@@ -153,6 +160,15 @@ def test_what_is_no_choice(name, key, error, value):
     assert one.Error
     assert one.ErrorID == error or error is None
     assert running.InVelocity
+
+
+@pytest.mark.exhaustive
+@pytest.mark.requirement("MC-600")
+def test_what_is_no_choice(subtests):
+    """Modes, directions, numbers and words that there are not: an ErrorID, never an exception."""
+    for label, values in each([nan, 1.0e30, -1, 99, "0", None, [0]], NO_CHOICE_NAME_KEY_ERROR):
+        with subtests.test(label):
+            check_what_is_no_choice(*values)
 
 
 @pytest.mark.exhaustive

@@ -8,6 +8,7 @@ import pytest
 
 from fieldbus.errors import ConfigurationError
 from motion.s7.variables import UnknownVariableError, VariableStore
+from testcases.catalogue import each, requirements_in
 
 KINDS = {"S": "SpeedAxis", "P": "PositioningAxis", "E": "ExternalEncoder"}
 E12 = (-1e12, 1e12)
@@ -17,57 +18,51 @@ def row(identifier, *cells):
     return pytest.param(*cells, marks=pytest.mark.requirement(identifier), id=identifier)
 
 
-@pytest.mark.parametrize(
-    ("paths", "objects"),
-    [
-        row("CFG-417", ("Actor.Interface.AddressIn",), "SP"),
-        row("CFG-418", ("Actor.Interface.AddressOut",), "SP"),
-        row("CFG-419", ("Actor.DriveParameter.ReferenceSpeed",), "SP"),
-        row("CFG-420", ("Actor.DriveParameter.MaxSpeed",), "SP"),
-        row("CFG-421", ("Actor.DriveParameter.ReferenceTorque",), "SP"),
-        row("CFG-422", ("Actor.LinearMotorDriveParameter.ReferenceVelocity",), "P"),
-        row("CFG-423", ("Actor.LinearMotorDriveParameter.MaxVelocity",), "P"),
-        row("CFG-424", ("Actor.LinearMotorDriveParameter.ReferenceForce",), "P"),
-        row("CFG-425", ("Sensor[1..4].Interface.AddressIn", "Sensor[1..4].Interface.AddressOut"), "P"),
-        row("CFG-426", ("Sensor[1..4].System",), "P"),
-        row("CFG-427", ("Sensor[1..4].Type",), "P"),
-        row("CFG-428", ("Sensor[1..4].Parameter.Resolution",), "P"),
-        row("CFG-429", ("Sensor[1..4].Parameter.StepsPerRevolution",), "P"),
-        row("CFG-430", ("Sensor[1..4].Parameter.DeterminableRevolutions",), "P"),
-        row(
-            "CFG-432",
-            ("Sensor[1..4].Parameter.ReferenceSpeed", "Sensor[1..4].Parameter.ReferenceVelocity"),
-            "P",
+NAME_CASES = [
+    row("CFG-417", ("Actor.Interface.AddressIn",), "SP"),
+    row("CFG-418", ("Actor.Interface.AddressOut",), "SP"),
+    row("CFG-419", ("Actor.DriveParameter.ReferenceSpeed",), "SP"),
+    row("CFG-420", ("Actor.DriveParameter.MaxSpeed",), "SP"),
+    row("CFG-421", ("Actor.DriveParameter.ReferenceTorque",), "SP"),
+    row("CFG-422", ("Actor.LinearMotorDriveParameter.ReferenceVelocity",), "P"),
+    row("CFG-423", ("Actor.LinearMotorDriveParameter.MaxVelocity",), "P"),
+    row("CFG-424", ("Actor.LinearMotorDriveParameter.ReferenceForce",), "P"),
+    row("CFG-425", ("Sensor[1..4].Interface.AddressIn", "Sensor[1..4].Interface.AddressOut"), "P"),
+    row("CFG-426", ("Sensor[1..4].System",), "P"),
+    row("CFG-427", ("Sensor[1..4].Type",), "P"),
+    row("CFG-428", ("Sensor[1..4].Parameter.Resolution",), "P"),
+    row("CFG-429", ("Sensor[1..4].Parameter.StepsPerRevolution",), "P"),
+    row("CFG-430", ("Sensor[1..4].Parameter.DeterminableRevolutions",), "P"),
+    row(
+        "CFG-432",
+        ("Sensor[1..4].Parameter.ReferenceSpeed", "Sensor[1..4].Parameter.ReferenceVelocity"),
+        "P",
+    ),
+    row("CFG-433", ("Sensor[1..4].MeasuringGear.Numerator", "Sensor[1..4].MeasuringGear.Denominator"), "P"),
+    row("CFG-434", ("Sensor[1..4].Parameter.FineResolutionXist1",), "P"),
+    row("CFG-435", ("Sensor[1..4].Parameter.FineResolutionXist2",), "P"),
+    row("CFG-436", ("Simulation.Mode",), "SP"),
+    row("CFG-584", ("LoadGear.Numerator", "LoadGear.Denominator"), "SPE"),
+    row("CFG-585", ("Mechanics.LeadScrew",), "PE"),
+    row("CFG-585", ("Actor.Efficiency",), "SP"),
+    row("CFG-586", ("Sensor[1..4].MountingMode", "Sensor[1..4].Parameter.DistancePerRevolution"), "P"),
+    row("CFG-587", ("Actor.InverseDirection",), "SP"),
+    row("CFG-587", ("Sensor[1..4].InverseDirection",), "P"),
+    row("CFG-588", ("Modulo.Enable", "Modulo.Length", "Modulo.StartValue"), "PE"),
+    row(
+        "CFG-590",
+        (
+            "Actor.LoadInertia",
+            "Actor.DriveParameter.MotorInertia",
+            "Actor.LinearMotorDriveParameter.MotorMass",
         ),
-        row(
-            "CFG-433", ("Sensor[1..4].MeasuringGear.Numerator", "Sensor[1..4].MeasuringGear.Denominator"), "P"
-        ),
-        row("CFG-434", ("Sensor[1..4].Parameter.FineResolutionXist1",), "P"),
-        row("CFG-435", ("Sensor[1..4].Parameter.FineResolutionXist2",), "P"),
-        row("CFG-436", ("Simulation.Mode",), "SP"),
-        row("CFG-584", ("LoadGear.Numerator", "LoadGear.Denominator"), "SPE"),
-        row("CFG-585", ("Mechanics.LeadScrew",), "PE"),
-        row("CFG-585", ("Actor.Efficiency",), "SP"),
-        row("CFG-586", ("Sensor[1..4].MountingMode", "Sensor[1..4].Parameter.DistancePerRevolution"), "P"),
-        row("CFG-587", ("Actor.InverseDirection",), "SP"),
-        row("CFG-587", ("Sensor[1..4].InverseDirection",), "P"),
-        row("CFG-588", ("Modulo.Enable", "Modulo.Length", "Modulo.StartValue"), "PE"),
-        row(
-            "CFG-590",
-            (
-                "Actor.LoadInertia",
-                "Actor.DriveParameter.MotorInertia",
-                "Actor.LinearMotorDriveParameter.MotorMass",
-            ),
-            "P",
-        ),
-        row("CFG-527", ("Mechanics.LeadScrew",), "PE"),
-    ],
-)
-def test_name(paths, objects):
-    """The variable can be read under this name on the objects that have it, in every element of its array,
-    and on no other.
-    """
+        "P",
+    ),
+    row("CFG-527", ("Mechanics.LeadScrew",), "PE"),
+]
+
+
+def check_name(paths, objects):
     for path in paths:
         names = [path.replace("1..4", str(number)) for number in range(1, 5)] if "1..4" in path else [path]
         for letter, kind in KINDS.items():
@@ -80,36 +75,43 @@ def test_name(paths, objects):
                         store.read(name)
 
 
-@pytest.mark.parametrize(
-    ("path", "data_type", "access", "low", "high"),
-    [
-        row("CFG-096", "Modulo.StartValue", "LREAL", "RES", *E12),
-        row("CFG-300", "Sensor[1].Parameter.StepsPerRevolution", "UDINT", "RES", 1, 8388608),
-        row("CFG-301", "Sensor[1].Parameter.DeterminableRevolutions", "UDINT", "RES", 0, 8388608),
-        row("CFG-304", "Sensor[1].Parameter.FineResolutionXist2", "UDINT", "RES", 0, 31),
-        row("CFG-547", "Sensor[1].Backlash.Enable", "BOOL", "DIR", None, None),
-        row("CFG-548", "Sensor[1].Backlash.Size", "LREAL", "DIR", 0.0, 1e12),
-        row("CFG-549", "Sensor[1].Backlash.Velocity", "LREAL", "DIR", 0.0, 1e12),
-        row("CFG-550", "Sensor[1].Backlash.DirectionAbsoluteHoming", "DINT", "DIR", 0, 1),
-        row("CFG-575", "Actor.LoadInertia", "LREAL", "DIR", 0.0, 1e12),
-        row("CFG-576", "Actor.DriveParameter.MotorInertia", "LREAL", "DIR", 0.0, 1e12),
-        row("CFG-577", "Actor.LinearMotorDriveParameter.MotorMass", "LREAL", "DIR", 0.0, 1e12),
-        row("CFG-578", "Actor.Efficiency", "LREAL", "RES", 0.0, 1.0),
-        row("VAR-208", "PositionLimits_SW.MaxPosition", "LREAL", "DIR", *E12),
-        row("VAR-208", "StatusProvidedLeadingValue.DelayedLeadingValue.Position", "LREAL", "RON", *E12),
-        row("VAR-208", "StatusExtrapolation.FilteredPosition", "LREAL", "RON", *E12),
-        row("VAR-210", "Actor.MotorType", "DINT", "RES", 0, 1),
-        row("VAR-211", "TorqueLimiting.LimitDefaults.Force", "LREAL", "CAL", 0.0, 1e12),
-        row("VAR-211", "LoadGear.Denominator", "UDINT", "RES", 1, 4294967295),
-        row("VAR-211", "ActualAcceleration", "LREAL", "RON", None, None),
-        row("VAR-212", "StatusInterpreterMotion.Interpreter", "DB_ANY", "RON", 0, 65535),
-        row("VAR-213", "Sensor[1].PassiveHoming.SwitchLevel", "BOOL", "RES", None, None),
-    ],
-)  # fmt: skip
-def test_definition(path, data_type, access, low, high):
-    """Type, access class and both bounds are those of the row; what lies outside is refused at the
-    configuration.
+@pytest.mark.exhaustive
+@requirements_in(NAME_CASES)
+def test_name(subtests):
+    """The variable can be read under this name on the objects that have it, in every element of its array,
+    and on no other.
     """
+    for label, values in each(NAME_CASES):
+        with subtests.test(label):
+            check_name(*values)
+
+
+DEFINITION_CASES = [
+    row("CFG-096", "Modulo.StartValue", "LREAL", "RES", *E12),
+    row("CFG-300", "Sensor[1].Parameter.StepsPerRevolution", "UDINT", "RES", 1, 8388608),
+    row("CFG-301", "Sensor[1].Parameter.DeterminableRevolutions", "UDINT", "RES", 0, 8388608),
+    row("CFG-304", "Sensor[1].Parameter.FineResolutionXist2", "UDINT", "RES", 0, 31),
+    row("CFG-547", "Sensor[1].Backlash.Enable", "BOOL", "DIR", None, None),
+    row("CFG-548", "Sensor[1].Backlash.Size", "LREAL", "DIR", 0.0, 1e12),
+    row("CFG-549", "Sensor[1].Backlash.Velocity", "LREAL", "DIR", 0.0, 1e12),
+    row("CFG-550", "Sensor[1].Backlash.DirectionAbsoluteHoming", "DINT", "DIR", 0, 1),
+    row("CFG-575", "Actor.LoadInertia", "LREAL", "DIR", 0.0, 1e12),
+    row("CFG-576", "Actor.DriveParameter.MotorInertia", "LREAL", "DIR", 0.0, 1e12),
+    row("CFG-577", "Actor.LinearMotorDriveParameter.MotorMass", "LREAL", "DIR", 0.0, 1e12),
+    row("CFG-578", "Actor.Efficiency", "LREAL", "RES", 0.0, 1.0),
+    row("VAR-208", "PositionLimits_SW.MaxPosition", "LREAL", "DIR", *E12),
+    row("VAR-208", "StatusProvidedLeadingValue.DelayedLeadingValue.Position", "LREAL", "RON", *E12),
+    row("VAR-208", "StatusExtrapolation.FilteredPosition", "LREAL", "RON", *E12),
+    row("VAR-210", "Actor.MotorType", "DINT", "RES", 0, 1),
+    row("VAR-211", "TorqueLimiting.LimitDefaults.Force", "LREAL", "CAL", 0.0, 1e12),
+    row("VAR-211", "LoadGear.Denominator", "UDINT", "RES", 1, 4294967295),
+    row("VAR-211", "ActualAcceleration", "LREAL", "RON", None, None),
+    row("VAR-212", "StatusInterpreterMotion.Interpreter", "DB_ANY", "RON", 0, 65535),
+    row("VAR-213", "Sensor[1].PassiveHoming.SwitchLevel", "BOOL", "RES", None, None),
+]
+
+
+def check_definition(path, data_type, access, low, high):
     store = VariableStore("PositioningAxis")
     found = store.describe(path)
     assert (found.data_type, found.access) == (data_type, access)
@@ -121,6 +123,16 @@ def test_definition(path, data_type, access, low, high):
     for value in (low - step, high + step):
         with pytest.raises(ConfigurationError, match="is not allowed"):
             VariableStore("PositioningAxis", {path: value})
+
+
+@requirements_in(DEFINITION_CASES)
+def test_definition(subtests):
+    """Type, access class and both bounds are those of the row; what lies outside is refused at the
+    configuration.
+    """
+    for label, values in each(DEFINITION_CASES):
+        with subtests.test(label):
+            check_definition(*values)
 
 
 @pytest.mark.requirement("VAR-209", "VAR-213")

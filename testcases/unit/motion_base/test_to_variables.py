@@ -249,10 +249,7 @@ class TestConfiguration:
             (
                 "Mechanics.Leadscrew",
                 5.0,
-                (
-                    "Mechanics.Leadscrew: 5.0 is not allowed; allowed: a variable of PositioningAxis; "
-                    "similar: Mech"
-                ),
+                "Mechanics.Leadscrew: this is not a variable of PositioningAxis; similar: Mech",
             ),
         ],
     )

@@ -13,6 +13,7 @@ from motion.s7.variables import (
     VariableStore,
     Violation,
 )
+from testcases.catalogue import each
 
 TYPES = ("SpeedAxis", "PositioningAxis", "SynchronousAxis", "ExternalEncoder")
 
@@ -48,12 +49,7 @@ def other_value(store, path):
 class TestDirect:
     """Access class DIR."""
 
-    @pytest.mark.requirement("VAR-001", "VAR-217")
-    @pytest.mark.parametrize(("kind", "path"), every("DIR"))
-    def test_next_servo_cycle(self, kind, path):
-        """An assigned value is read back at once and takes effect with the next MC_Servo, start value
-        untouched.
-        """
+    def check_next_servo_cycle(self, kind, path):
         store = VariableStore(kind)
         cell, before = store.bind(path), store.read(path)
         in_force, factor = cell.value, store.factors.of(store.describe(path).unit)
@@ -64,6 +60,15 @@ class TestDirect:
         store.latch()
 
         assert (cell.value, store.read(path), store.start_value(path)) == (value * factor, value, before)
+
+    @pytest.mark.requirement("VAR-001", "VAR-217")
+    def test_next_servo_cycle(self, subtests):
+        """An assigned value is read back at once and takes effect with the next MC_Servo, start value
+        untouched.
+        """
+        for label, values in each(every("DIR")):
+            with subtests.test(label):
+                self.check_next_servo_cycle(*values)
 
     def test_last_assignment_counts(self, store):
         """Of several assignments before one MC_Servo the last one takes effect; later cycles keep it."""
@@ -96,10 +101,7 @@ class TestDirect:
         assert store.bind(path).value == effective
         assert errors == []
 
-    @pytest.mark.requirement("VAR-015", "VAR-217")
-    @pytest.mark.parametrize(("kind", "path"), every("DIR") + every("CAL"))
-    def test_both_bounds(self, kind, path):
-        """Both ends of a range are permitted; one step outside is not kept."""
+    def check_both_bounds(self, kind, path):
         store = VariableStore(kind)
         variable = store.describe(path)
         if variable.data_type == "BOOL":
@@ -119,6 +121,13 @@ class TestDirect:
                 store.write(path, outside)
                 store.latch()
                 assert low <= store.read(path) <= high
+
+    @pytest.mark.requirement("VAR-015", "VAR-217")
+    def test_both_bounds(self, subtests):
+        """Both ends of a range are permitted; one step outside is not kept."""
+        for label, values in each(every("DIR") + every("CAL")):
+            with subtests.test(label):
+                self.check_both_bounds(*values)
 
     @pytest.mark.requirement("CTL-105", "VAR-015")
     @pytest.mark.parametrize(
@@ -171,10 +180,7 @@ class TestDirect:
 class TestOnCall:
     """Access class CAL."""
 
-    @pytest.mark.requirement("VAR-002", "VAR-217")
-    @pytest.mark.parametrize(("kind", "path"), every("CAL"))
-    def test_readable_at_once(self, kind, path):
-        """An assigned value is there at once for the reader and for the next call of an instruction."""
+    def check_readable_at_once(self, kind, path):
         store = VariableStore(kind)
         cell, before = store.bind(path), store.read(path)
         factor = store.factors.of(store.describe(path).unit)
@@ -184,16 +190,18 @@ class TestOnCall:
 
         assert (cell.value, store.read(path), store.start_value(path)) == (value * factor, value, before)
 
+    @pytest.mark.requirement("VAR-002", "VAR-217")
+    def test_readable_at_once(self, subtests):
+        """An assigned value is there at once for the reader and for the next call of an instruction."""
+        for label, values in each(every("CAL")):
+            with subtests.test(label):
+                self.check_readable_at_once(*values)
+
 
 class TestRestartRelevant:
     """Access class RES, start values and restart."""
 
-    @pytest.mark.requirement("VAR-005", "VAR-009", "VAR-216", "VAR-217", "STP-064", "STP-076")
-    @pytest.mark.parametrize(("kind", "path"), every("RES"))
-    def test_only_by_restart(self, kind, path):
-        """An assignment is refused; a start value takes effect with the restart and X3 shows it until
-        then.
-        """
+    def check_only_by_restart(self, kind, path):
         store = VariableStore(kind)
         before, value = store.read(path), other_value(store, path)
         with pytest.raises(VariableAccessError, match=r"write_start.*MC_Reset with Restart = TRUE"):
@@ -210,6 +218,15 @@ class TestRestartRelevant:
 
         assert store.restart() == ()
         assert (store.read(path), store.online_start_values_changed) == (value, False)
+
+    @pytest.mark.requirement("VAR-005", "VAR-009", "VAR-216", "VAR-217", "STP-064", "STP-076")
+    def test_only_by_restart(self, subtests):
+        """An assignment is refused; a start value takes effect with the restart and X3 shows it until
+        then.
+        """
+        for label, values in each(every("RES")):
+            with subtests.test(label):
+                self.check_only_by_restart(*values)
 
     @pytest.mark.requirement("STP-075")
     def test_all_together(self, store):
@@ -285,10 +302,7 @@ class TestRestartRelevant:
 class TestReadOnly:
     """Access class RON."""
 
-    @pytest.mark.requirement("VAR-009", "VAR-014", "VAR-217")
-    @pytest.mark.parametrize(("kind", "path"), every("RON"))
-    def test_refused(self, kind, path):
-        """Neither the value nor the start value of a read-only variable can be written."""
+    def check_refused(self, kind, path):
         store = VariableStore(kind)
         before = store.read(path)
 
@@ -298,6 +312,13 @@ class TestReadOnly:
             store.write_start(path, before)
 
         assert store.read(path) == before
+
+    @pytest.mark.requirement("VAR-009", "VAR-014", "VAR-217")
+    def test_refused(self, subtests):
+        """Neither the value nor the start value of a read-only variable can be written."""
+        for label, values in each(every("RON")):
+            with subtests.test(label):
+                self.check_refused(*values)
 
     def test_bit_refused(self, store):
         """Bits of status words are read only as well."""

@@ -47,7 +47,7 @@ class Controlled:
 
     def turn(self, revolutions: float) -> None:
         """Turn the shaft of the motor by hand."""
-        self.port._angle += revolutions * tau
+        self.port.turn(revolutions * tau)
 
     def told(self, words: str) -> list[str]:
         return [entry.text for entry in self.controller.diagnostics_buffer.find(words)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import sqlite3
 import threading
-from contextlib import suppress
+from contextlib import closing, suppress
 
 import numpy as np
 import pytest
@@ -139,6 +139,30 @@ def test_flaky_is_what_turns_to_and_fro(file, letters, flaky):
     """Two turns between good and bad are one too many; blocked results say nothing."""
     found = recorded(file, *(run(str(n), a=letter) for n, letter in enumerate(letters)))
     assert found.flaky == (["a"] if flaky else [])
+
+
+def test_an_edited_case_is_neither_fixed_nor_flaky(file):
+    """Results of another source say nothing of this one; an unknown source is taken for the same."""
+    first, second = run("1", a=case("a", "f", source="x")), run("2", a=case("a", "p", source="y"))
+    found = recorded(file, first, second)
+    assert (found.edited, found.fixed, found.by_case()) == (["a"], [], {"a": "edited"})
+    assert found.as_dict()["edited"] == ["a"]
+    found = recorded(file, run("3", a=case("a", "f", source="z")), run("4", a=case("a", "p", source="z")))
+    assert (found.edited, found.fixed, found.flaky) == ([], ["a"], [])
+    found = recorded(file, run("5", a=case("a", "f", source="z")))
+    assert found.flaky == ["a"], "the same source now"
+    assert recorded(file, run("6", a="p")).fixed == ["a"]
+
+
+def test_a_history_of_the_first_format_goes_on(file):
+    """Its results have no source; the next run is recorded next to them."""
+    recorded(file, run("1", a="f"))
+    with closing(sqlite3.connect(file)) as base:
+        base.executescript("ALTER TABLE result DROP COLUMN source; PRAGMA user_version = 1;")
+    found = recorded(file, run("2", a=case("a", "p", source="x")))
+    assert (found.fixed, found.edited) == (["a"], [])
+    with History(file) as history:
+        assert [one.source for one in history.past("a")] == ["x", ""]
 
 
 def test_turns_on_another_bench_or_seed_are_no_flakiness(file):
@@ -291,7 +315,7 @@ def test_foreign_databases_and_missing_files_are_named(tmp_path, file):
     base = sqlite3.connect(foreign)
     base.execute("CREATE TABLE t (x)")
     base.close()
-    with pytest.raises(HistoryError, match="not a history of format 1"):
+    with pytest.raises(HistoryError, match="not a history of format 2"):
         History(foreign)
     with pytest.raises(HistoryError, match="no history here"):
         History(file)

@@ -138,6 +138,50 @@ def test_links_lead_to_files_beside_the_report_only(path, link):
     assert file_link(path) == link
 
 
+def test_list_names_the_stop_where_no_fault_was_injected():
+    """Fault and reaction of a stop are the instruction and the states of the axis; a fault comes first."""
+    case = CaseResult("tests/test_x.py::test_stop", "test_stop", Verdict.PASSED)
+    case.story = [
+        Step(0.1, "do", "MC_Power Enable = TRUE, StartMode 1"),
+        Step(0.2, "observe", "axis1: DISABLED -> STANDSTILL"),
+        Step(0.3, "do", "MC_Power Enable = FALSE, StopMode 2"),
+        Step(0.3, "observe", "axis1: STANDSTILL -> DISABLING_RAMP"),
+        Step(0.35, "observe", "drive1: Operation enabled -> Switched on"),
+        Step(0.4, "observe", "axis1: DISABLING_RAMP -> DISABLED"),
+        Step(0.5, "do", "MC_Reset"),
+        Step(0.6, "observe", "axis1: DISABLED -> ENABLING"),
+    ]
+    entry = index_entry(case)
+    assert (entry["fl"], entry["al"]) == (["MC_Power StopMode 2"], ["disabling ramp, disabled"])
+    assert "t" not in entry, "a title that repeats the identifier says nothing"
+    case.faults = [FaultRecord("can.drop", "can0", 0.0, 1.0, None)]
+    case.alarms = [AlarmRecord(1.1, "axis1", 431, 4, "")]
+    assert index_entry(case)["fl"] == ["can.drop → can0"]
+    assert index_entry(case)["al"] == ["431 remove enable"]
+
+
+def test_modbus_rows_have_a_unit_and_codes_are_hexadecimal():
+    """A CAN frame is named by its identifier, a Modbus frame by its unit; codes look as in the manuals."""
+    case = CaseResult("c", "", Verdict.PASSED)
+    case.messages = [
+        Message(0.1, "can0", 0x181, "00", "drive1", "TPDO1"),
+        Message(0.2, "can0", 0x18FF1234, "00", "drive1", "J1939"),
+        Message(0.3, "tcp", 7, "00", "controller", "read", protocol="modbus_tcp"),
+    ]
+    case.faults = [FaultRecord("drive.fault", "drive1", 0, 0.1, None, {"code": 0x2310, "count": 3})]
+    plain = case_payload(case, points=500)
+    assert [row[2] for row in plain["messages"]] == ["181h", "18FF1234h", "unit 7"]
+    assert plain["faults"][0][7] == [["code", "2310h"], ["count", "3"]]
+
+
+def test_whole_log_of_a_case_that_is_not_green_is_there_on_demand():
+    """Beyond the rows that are shown a failed case carries all, a passed one does not."""
+    case = CaseResult("c", "", Verdict.FAILED, messages=messages(1000))
+    assert [len(case_payload(case, points=500)[name]) for name in ("messages", "log")] == [400, 1000]
+    case.verdict = Verdict.PASSED
+    assert [len(case_payload(case, points=500)[name]) for name in ("messages", "log")] == [200, 0]
+
+
 def test_search_finds_what_a_person_would_type():
     """Identifier, headline, alarm, fault, target, requirement, tag and token are searchable."""
     case = CaseResult(

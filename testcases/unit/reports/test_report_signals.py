@@ -120,3 +120,22 @@ def test_setpoints_are_known_by_name():
     assert is_setpoint("drive1.torque_demand")
     assert is_setpoint("axis1.speed_output")
     assert not is_setpoint("axis1.actual_velocity")
+
+
+def test_axes_at_rest_are_not_shown_while_others_move():
+    """Who moves a thousandth of the others, or not at all, is at rest; unless something happened to it."""
+    signals = [
+        signal(f"{axis}.{name}", "mm", values)
+        for axis, values in (("x", (0.0, 100.0)), ("y", (5.0, 5.01)), ("z", (7.0, 7.0)))
+        for name in ("actual_position", "position_setpoint")
+    ]
+    signals += [signal(f"{axis}.state", values=(0, 1), enum={0: "A", 1: "B"}) for axis in "xyz"]
+    panels, lanes = arrange(signals, involved=["z"])
+    assert [(panel.signals[0].name[0], panel.idle) for panel in panels] == [
+        ("x", False),
+        ("z", False),
+        ("y", True),
+    ]
+    assert {lane.signal.name[0]: lane.shown for lane in lanes} == {"x": True, "y": False, "z": True}
+    _panels, lanes = arrange([one for one in signals if one.name[0] == "z"])
+    assert [lane.shown for lane in lanes] == [True], "where nothing moves nothing is hidden"

@@ -120,7 +120,7 @@ def test_overview_tells_changes_trend_and_seeded_defects(run, tmp_path):
     """After a second run: bars and rows of both, the case that is new, a link to the list; defects with who
     noticed.
     """
-    good = RunResult(**{name: getattr(run, name) for name in run.__slots__})
+    good = RunResult(**{name: getattr(run, name) for name in vars(run)})
     good.cases = [case for case in run.cases if case.verdict is Verdict.PASSED]
     (tmp_path / "mutants.json").write_text(
         json.dumps(
@@ -193,7 +193,7 @@ def test_seeding_in_full_and_none(tmp_path):
 def test_ways_to_stop_are_read_from_the_story():
     """Withdrawn enable and stop with their modes, halt, and nothing; only what was done counts."""
     case = CaseResult("c", "", Verdict.PASSED)
-    assert stop_modes(case) == ["not told to stop"]
+    assert stop_modes(case) == ["no stop command"]
     texts = [
         "MC_Power Enable = TRUE, StartMode 1",
         "MC_Power Enable = FALSE, StopMode 2",
@@ -208,6 +208,6 @@ def test_ways_to_stop_are_read_from_the_story():
     plain = CaseResult("d", "", Verdict.FAILED)
     matrix = fault_stop_matrix(RunResult("t", 1, "b", "", {}, "", [case, plain]))
     assert matrix.cell("can.drop", "MC_Stop Mode 3").notes == ["431"]
-    assert matrix.cell(NO_FAULT, "not told to stop").verdict is Verdict.FAILED
+    assert matrix.cell(NO_FAULT, "no stop command").verdict is Verdict.FAILED
     assert matrix.cell("can.drop", "MC_Stop Mode 0").verdict is None
     assert "MC_Power StopMode 0" in matrix.columns, "what was never tried is shown"

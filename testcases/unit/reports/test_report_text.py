@@ -59,7 +59,7 @@ def test_check_becomes_one_sentence(name, expected, observed, sentence):
 def test_numbers_stand_in_where_words_are_missing():
     """A measurement without words speaks through its limits and value."""
     bare = check("ramp time", "", "", value=0.1 + 0.2, unit="s", low=0.1, high=0.2)
-    assert check_sentence(bare) == "Ramp time: expected 0.1 … 0.2 s, observed 0.3 s"
+    assert check_sentence(bare) == "Ramp time: expected 100 … 200 ms, observed 300 ms"
 
 
 def test_failed_case_speaks_through_its_first_failed_check():

@@ -5,32 +5,43 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
 
-from hil.bench import EMBEDDED, load_bench
+from hil.bench import EMBEDDED, load_bench, rules
 from hil.bench.schema import headings, json_schema, with_key_tables
 from hil.cli import main
 
 ROOT = Path(__file__).resolve().parents[3]
-PAGE = ROOT / "docs" / "bench-file.md"
-SCHEMA = json_schema()
-VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
+PAGE = ROOT / "docs" / "reference" / "bench-file.md"
+
+
+@cache
+def schema() -> dict[str, Any]:
+    return json_schema()
+
+
+@cache
+def validator() -> jsonschema.Draft202012Validator:
+    return jsonschema.Draft202012Validator(schema())
 
 
 def errors(text: str) -> list[str]:
     """Return what the schema says against a bench file."""
-    return [error.json_path for error in VALIDATOR.iter_errors(tomllib.loads(text))]
+    return [error.json_path for error in validator().iter_errors(tomllib.loads(text))]
 
 
+@pytest.mark.exhaustive
 def test_the_schema_is_valid_and_the_command_prints_it(capsys):
     """`hil schema` prints JSON Schema of draft 2020-12."""
-    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+    jsonschema.Draft202012Validator.check_schema(schema())
     assert main(["schema"]) == 0
     printed = json.loads(capsys.readouterr().out)
-    assert printed == json.loads(json.dumps(SCHEMA))
+    assert printed == json.loads(json.dumps(schema()))
     assert printed["$schema"] == "https://json-schema.org/draft/2020-12/schema"
 
 
@@ -76,7 +87,7 @@ def test_mistakes_do_not_fit_the_schema(name, old, new):
 
 def test_every_key_has_a_description_and_numbers_have_their_unit():
     """An editor shows what a key means; a key that ends in a unit names it."""
-    for name, table in {"BenchConfig": SCHEMA, **SCHEMA["$defs"]}.items():
+    for name, table in {"BenchConfig": schema(), **schema()["$defs"]}.items():
         for key, described in table["properties"].items():
             assert described.get("description"), f"{name}.{key}"
             if key.endswith(("_mm", "_ms", "_rpm", "_nm", "_v")):
@@ -84,7 +95,14 @@ def test_every_key_has_a_description_and_numbers_have_their_unit():
 
 
 def test_key_tables_of_the_page_are_current():
-    """`python -m hil.bench.schema docs/bench-file.md` has been run since the models changed."""
+    """`python -m hil.bench.schema docs/reference/bench-file.md` has been run since the models changed."""
     text = PAGE.read_text(encoding="utf-8")
     assert with_key_tables(text) == text
     assert sorted(re.findall(r"<!-- keys: (\S+) -->", text)) == sorted(headings())
+
+
+def test_rules_of_the_page_are_current():
+    """`python -m hil.bench.rules docs/reference/bench-file.md` has been run since the rules changed."""
+    text = PAGE.read_text(encoding="utf-8")
+    assert rules.with_rules(text) == text
+    assert rules.table() in text

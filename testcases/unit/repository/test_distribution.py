@@ -112,6 +112,7 @@ def test_source_archive_has_what_a_build_needs(tmp_path):
     assert sorted(expected - names) == []
 
 
+@pytest.mark.exhaustive
 def test_shipped_campaigns_run_from_the_wheel_alone(wheel, tmp_path):
     """With the wheel alone, campaigns are found by short name, cases run, and defects are seeded."""
     wheel.extractall(tmp_path / "site")

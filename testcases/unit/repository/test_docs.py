@@ -56,7 +56,7 @@ def rows(text: str) -> dict[str, list[str]]:
 
 def test_every_embedded_bench_is_documented():
     """The page about bench files has a row for every bench that comes with the product."""
-    documented = rows(section(page("docs/bench-file.md"), "## Embedded benches"))
+    documented = rows(section(page("docs/reference/bench-file.md"), "## Embedded benches"))
 
     assert sorted(documented) == sorted(EMBEDDED)
 
@@ -93,7 +93,7 @@ def test_every_fault_kind_is_in_the_catalogue_of_the_docs():
     """The overview has exactly the kinds of the catalogue, with target, seam and the benches that can inject
     them.
     """
-    documented = rows(section(page("docs/faults.md"), "## The catalogue"))
+    documented = rows(section(page("docs/reference/faults.md"), "## The catalogue"))
 
     assert documented == {
         entry.name: [
@@ -112,7 +112,7 @@ def test_every_parameter_of_a_fault_is_documented(subtests):
     """
     for entry in CATALOGUE:
         with subtests.test(entry.name):
-            text = page("docs/faults.md")
+            text = page("docs/reference/faults.md")
             documented = rows(section(text, "### Which frames are hit")) | rows(
                 section(text, f"### `{entry.name}`")
             )
@@ -127,7 +127,7 @@ def test_every_trigger_is_documented():
     """Every trigger has a row, and its TOML means the same as its Python."""
     documented = {
         re.match(r"\w+", call)[0]: (call, cells[-1].strip("`"))
-        for call, cells in rows(section(page("docs/faults.md"), "## Triggers")).items()
+        for call, cells in rows(section(page("docs/reference/faults.md"), "## Triggers")).items()
     }
     makers = {
         name
@@ -143,7 +143,7 @@ def test_every_trigger_is_documented():
 
 def test_number_of_fault_kinds_is_true(subtests):
     """Where a page counts the kinds of faults, it counts right."""
-    for name in ["README.md", "CHANGELOG.md"]:
+    for name in ["README.md", "CHANGELOG.md", "docs/reference/features.md"]:
         with subtests.test(name=name):
             assert set(re.findall(r"(\d+) kinds", page(name))) == {str(len(CATALOGUE))}
 
@@ -164,24 +164,27 @@ def test_every_word_of_a_matrix_is_documented(subtests):
     """Every factor, its words and its default stand on the page about matrices."""
     for factor in VOCABULARY.factors:
         with subtests.test(factor=factor):
-            text = page("docs/campaign-matrix.md")
+            text = page("docs/reference/campaign-matrix.md")
 
             assert f"| `{factor}` |" in text
             assert [word for word in VOCABULARY.factors[factor] if not _fits(word, text)] == []
 
 
+@pytest.mark.exhaustive
 def test_the_number_of_cases_of_a_shipped_matrix_is_true(subtests):
     """The table of the matrices that ship says how many cases each has."""
     for path in sorted(MATRICES.glob("*.toml")):
         with subtests.test(path.stem):
-            (row,) = re.findall(rf"\| `{path.name}` \|.*\| (\d+) \|", page("docs/campaign-matrix.md"))
+            (row,) = re.findall(
+                rf"\| `{path.name}` \|.*\| (\d+) \|", page("docs/reference/campaign-matrix.md")
+            )
 
             assert int(row) == len(load_matrix(path).cases)
 
 
 def test_every_key_of_a_matrix_is_documented():
     """Keys of the file, of an exclusion, a case and a bench stand on the page about matrices."""
-    text = page("docs/campaign-matrix.md")
+    text = page("docs/reference/campaign-matrix.md")
 
     assert [
         key
@@ -194,13 +197,14 @@ def test_every_key_of_a_matrix_is_documented():
 # -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 def test_every_command_is_documented(subtests):
     """Every command has a section that names all its long options; each option is explained there or in the
     common table.
     """
     for name in sorted(typer.main.get_command(app).commands):
         with subtests.test(name=name):
-            text = page("docs/cli.md")
+            text = page("docs/reference/cli.md")
             own = section(text, f"## `hil {name}`")
             common = text.partition("\n## ")[0]
             options = [
@@ -210,7 +214,7 @@ def test_every_command_is_documented(subtests):
                 if option.startswith("-")
             ]
 
-            assert "--json" in options or name in ("emulate", "eds", "panel", "schema")
+            assert "--json" in options or name in ("emulate", "eds", "init", "panel", "schema", "vcan")
             assert [option for option in options if f"`{option}`" not in own + common] == []
             assert [
                 option for option in options if option.startswith("--") and not re.search(rf"{option}\b", own)
@@ -230,7 +234,7 @@ def test_every_option_of_the_plugin_is_documented():
         *re.findall(r'"(--hil-\w+)"', source),
         *re.findall(r'addini\("(\w+)"', source),
     ]
-    text = page("docs/writing-tests.md")
+    text = page("docs/guides/writing-tests.md")
 
     assert len(names) >= 11
     assert [name for name in names if f"`{name}" not in text] == []
@@ -238,7 +242,7 @@ def test_every_option_of_the_plugin_is_documented():
 
 def test_every_method_of_a_bench_is_documented():
     """Every public method and property of `hil.Bench` stands in the page about writing tests."""
-    text = page("docs/writing-tests.md")
+    text = page("docs/guides/writing-tests.md")
     names = [name for name in dir(Bench) if not name.startswith("_")]
 
     assert len(names) > 40
@@ -260,7 +264,7 @@ def test_every_expectation_is_documented():
         if inspect.isfunction(function := getattr(hil.expect, name))
         and function.__annotations__.get("return") in classes
     }
-    text = page("docs/writing-tests.md")
+    text = page("docs/guides/writing-tests.md")
 
     assert len(makers) >= 17
     assert [name for name in sorted(makers) if f"`{name}(" not in text] == []
@@ -273,7 +277,7 @@ def test_every_recorded_column_is_documented():
     text = load_bench("reference").text + '[encoder.encoder1]\nsegment = "can0"\nnode_id = 20\n'
     with BenchFile("own.toml", text).build() as bench:
         recorded = {group.name: [name for name, _ in group.columns] for group in bench.trace().groups}
-    table = section(page("docs/writing-tests.md"), "## The trace")
+    table = section(page("docs/guides/writing-tests.md"), "## The trace")
 
     for component, name in (("axis", "axis1"), ("drive", "drive1"), ("encoder", "encoder1")):
         (line,) = re.findall(
@@ -299,7 +303,7 @@ def test_every_event_kind_of_a_run_is_documented():
         bench.drive().power_off()
         bench.run_for(0.5)
         kinds = {event.kind for event in bench.history.events}
-    text = section(page("docs/writing-tests.md"), "## The trace")
+    text = section(page("docs/guides/writing-tests.md"), "## The trace")
 
     assert len(kinds) > 15
     assert sorted(kind for kind in kinds if f"`{kind}`" not in text) == []
@@ -309,7 +313,7 @@ def test_every_invariant_is_documented():
     """The page about writing tests names the invariants of a fuzz search."""
     with load_bench("reference").build() as bench:
         names = [invariant.name for invariant in default_invariants(bench)]
-    text = page("docs/writing-tests.md").replace("\n", " ")
+    text = page("docs/guides/writing-tests.md").replace("\n", " ")
 
     assert [name for name in names if name not in text] == []
 
@@ -332,14 +336,16 @@ def test_links_lead_somewhere(subtests):
             assert [str(target) for target in targets if not target.exists()] == []
 
 
-@pytest.mark.parametrize("name", ["report-list.png", "report-case.png"])
-def test_pictures_are_small_enough(name):
-    """The pictures of the README are screenshots of 1440 x 900 and small enough for a repository."""
+@pytest.mark.parametrize(
+    ("name", "where"), [("report-list.png", "docs/reference/reports.md"), ("report-case.png", "README.md")]
+)
+def test_pictures_are_small_enough(name, where):
+    """The pictures of the report are screenshots of 1440 x 900 and small enough for a repository."""
     content = (ROOT / "docs" / "images" / name).read_bytes()
 
     assert struct.unpack(">II", content[16:24]) == (1440, 900)
     assert len(content) < IMAGE_LIMIT
-    assert f"docs/images/{name}" in page("README.md")
+    assert f"images/{name})" in page(where)
 
 
 def test_nothing_is_said_twice_in_a_table_or_list(subtests):

@@ -8,7 +8,8 @@ from pathlib import Path
 from emulators.drive.cia402.objects.table import all_objects
 from fieldbus.cia402 import MODE_NAMES
 
-TEXT = (Path(__file__).resolve().parents[3] / "docs" / "drive-modes.md").read_text(encoding="utf-8")
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "reference" / "drive-modes.md"
+TEXT = PAGE.read_text(encoding="utf-8")
 OBJECTS = {row.index: row for row in all_objects()}
 
 

@@ -8,7 +8,8 @@ from emulators.drive.cia402.faults.rules import Reaction, Reset
 from emulators.drive.cia402.objects.protection import protection_objects
 from fieldbus.canopen.object_table import TYPE_NAMES, VAR
 
-TEXT = (Path(__file__).resolve().parents[3] / "docs" / "drive-protection.md").read_text(encoding="utf-8")
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "reference" / "drive-protection.md"
+TEXT = PAGE.read_text(encoding="utf-8")
 
 
 def rows(heading):

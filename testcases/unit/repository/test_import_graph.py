@@ -8,6 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
+import pytest
+
 ROOT: Final = Path(__file__).parents[3]
 PACKAGES: Final = ("fieldbus", "emulators", "motion", "hil", "reports")
 
@@ -136,11 +138,13 @@ def subclasses() -> dict[str, set[str]]:
     return found
 
 
+@pytest.mark.exhaustive
 def test_no_modules_import_each_other_in_a_circle() -> None:
     """No module imports itself through others; imports for types and within functions count."""
     assert circles() == []
 
 
+@pytest.mark.exhaustive
 def test_no_base_class_has_one_subclass() -> None:
     """What one class inherits alone is a part of it, or the same class."""
     single = {

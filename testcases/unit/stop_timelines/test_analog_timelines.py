@@ -8,7 +8,7 @@ from functools import cache
 
 import pytest
 
-from hil.bench.drive_tables import AnalogTable
+from emulators.drive.analog_config import AnalogSettings
 from testcases.unit.stop_timelines.telegram_record import (
     CYCLE_S,
     AnalogBench,
@@ -30,7 +30,7 @@ READY_FALLS = ("enable", "standstill", "never")
 @cache
 def record(what, falls="enable", stop="ramp", off3_s=0.5, value=7):
     """Return the record of a travelling axis that is stopped, and acknowledged where an alarm has done it."""
-    drive = {"analog": AnalogTable(ready_falls=falls, stop=stop), "off3_ramp_s": off3_s}
+    drive = {"analog": AnalogSettings(ready_falls=falls, stop=stop), "off3_ramp_s": off3_s}
     with AnalogBench(variables={"Actor.RemoveEnableReaction": value}, drive=drive).travelling() as bench:
         bench.now()
         if what.startswith("StopMode"):

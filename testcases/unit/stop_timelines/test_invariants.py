@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import pytest
 
+from testcases.catalogue import each, requirements_in
 from testcases.unit.stop_timelines.invariants import RULES
 from testcases.unit.stop_timelines.test_alarm_ramps import ALARMS, alarmed
 from testcases.unit.stop_timelines.test_halt_and_stop import halted, stopped
@@ -21,14 +22,23 @@ RECORDS = {
 }
 
 
-@pytest.mark.parametrize("name", RECORDS)
-@pytest.mark.parametrize("rule", [pytest.param(rule, marks=pytest.mark.requirement(rule)) for rule in RULES])
-def test_rule(rule, name):
-    """No cycle violates it."""
+RULE_RULE = [pytest.param(rule, marks=pytest.mark.requirement(rule)) for rule in RULES]
+
+
+def check_rule(name, rule):
     make, *arguments = RECORDS[name]
     rows = make(*arguments).rows
     assert len(rows) > 200
     assert list(RULES[rule](rows[2:])) == []
+
+
+@pytest.mark.exhaustive
+@requirements_in(RECORDS, RULE_RULE)
+def test_rule(subtests):
+    """No cycle violates it."""
+    for label, values in each(RECORDS, RULE_RULE):
+        with subtests.test(label):
+            check_rule(*values)
 
 
 # For every rule a change of one cycle that violates it.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import pytest
 
 from motion.s7.axis import AxisState
@@ -32,15 +34,16 @@ DISABLES = {"alarm-2", "alarm-3", "alarm-4", "alarm-7"}
 
 
 def pairs():
-    """Return a parameter for every cell and, where reaction 4 takes part, every value of
-    RemoveEnableReaction.
+    """Return a parameter for every cell; where reaction 4 takes part, with the values of
+    RemoveEnableReaction in turn, so that every outcome meets every value.
     """
+    turn: Counter[str] = Counter()
     for line in MATRIX.strip().splitlines():
         identifier, active, *letters = line.split()
         for new, letter in zip(COLUMNS, letters, strict=True):
             if letter == "-":
                 continue
-            values = (
+            values: tuple[int, ...] = (
                 (7,)
                 if active == "alarm-7"
                 else (1, 3, 5)
@@ -49,6 +52,10 @@ def pairs():
                 if new == "alarm-4"
                 else (5,)
             )
+            if letter != "R" and not (letter == "P" and new == "alarm-4"):  # these are few
+                side = f"{letter} {'alarm-4' if active == 'alarm-4' else new}"
+                values = (values[turn[side] % len(values)],)
+                turn[side] += 1
             for value in values:
                 yield pytest.param(
                     active,

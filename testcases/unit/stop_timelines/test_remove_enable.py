@@ -318,6 +318,7 @@ def test_value_written_during_a_quick_stop_does_not_let_it_coast(value):
         assert bench.ramp("nact")[0] == pytest.approx(0.300, abs=2 * CYCLE_S)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-355", "STP-570")
 @pytest.mark.parametrize("value", [0, 2, 4, 6, 8, 15])
 def test_invalid_value_is_refused(value):
@@ -346,7 +347,7 @@ def test_value_means_nothing_without_a_drive(kind):
         since = len(rig.rows)
         rig.axis.alarms.raise_alarm(ALARM)
         rig.cycles(10)
-        assert (rig.port._stw1, rig.port._setpoint) == (0x0123, 45.0)
+        assert rig.port.written == (0x0123, 45.0)
         seen.append(
             (
                 rig.column("actual_velocity")[since:],

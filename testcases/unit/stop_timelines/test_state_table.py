@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from motion.s7.axis import AxisState
+from testcases.catalogue import each, requirements_in
 from testcases.unit.motion_axis.test_stop_states import OUTPUTS, TRANSITIONS, happen, reach, state
 from testcases.unit.stop_timelines.telegram_record import STW1_MASK, StopBench
 
@@ -87,21 +88,19 @@ def test_outputs_of_a_state(wanted, x0, x1, status, busy, stw1, error):
             assert rows[at].stw1 & STW1_MASK == 0x0478
 
 
-@pytest.mark.parametrize(
-    ("start", "event", "end"),
-    [
-        pytest.param(
-            start,
-            event,
-            end,
-            id=f"{start.name}-{event.replace(' ', '_')}",
-            marks=pytest.mark.requirement(identifier),
-        )
-        for identifier, start, event, end in TRANSITIONS
-    ],
-)
-def test_transition(start, event, end):
-    """The event leads to the printed state, through none that is not printed."""
+TRANSITION_CASES = [
+    pytest.param(
+        start,
+        event,
+        end,
+        id=f"{start.name}-{event.replace(' ', '_')}",
+        marks=pytest.mark.requirement(identifier),
+    )
+    for identifier, start, event, end in TRANSITIONS
+]
+
+
+def check_transition(start, event, end):
     with Rig() as rig:
         extra = reach(rig, start)
         passed = []
@@ -113,3 +112,12 @@ def test_transition(start, event, end):
         assert set(passed) <= {start, end, S.DISABLED, S.ALARM_DISABLED}
         rig.cycles(2)
         rig.telegrams()
+
+
+@pytest.mark.exhaustive
+@requirements_in(TRANSITION_CASES)
+def test_transition(subtests):
+    """The event leads to the printed state, through none that is not printed."""
+    for label, values in each(TRANSITION_CASES):
+        with subtests.test(label):
+            check_transition(*values)

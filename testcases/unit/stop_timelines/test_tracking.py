@@ -10,6 +10,7 @@ from hil.faults import Injector
 from testcases.unit.stop_timelines.telegram_record import StopBench
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CFG-446", "CTL-003", "CFG-561", "STP-460", "STP-595")
 def test_setpoints_follow_a_drive_that_brakes_by_itself():
     """Safe stop 1: alarm 550, STW1 stays 16#047F, position and velocity are the actual ones, nothing is put

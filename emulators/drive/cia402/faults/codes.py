@@ -32,7 +32,7 @@ SYNC_LOST: Final = 0x8700
 EXTERNAL: Final = 0x9000
 SAFE_TORQUE_OFF: Final = 0xFF80
 BUFFER_EMPTY: Final = 0xFF70
-"""Warning: interpolated position mode has run out of set-points."""
+"""Warning: interpolated position mode has run out of setpoints."""
 SAFE_STOP: Final = 0xFF81
 
 
@@ -47,8 +47,6 @@ class FaultMemory:
         log: Faults of the past.
 
     """
-
-    __slots__ = ("_codes", "_history", "_name", "_slave", "causes", "log")
 
     def __init__(
         self,

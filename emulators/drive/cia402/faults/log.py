@@ -32,8 +32,6 @@ class FaultLog:
 
     """
 
-    __slots__ = ("_before_ns", "_scheduler", "_since_ns", "entries")
-
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
         self._before_ns = 0
@@ -65,8 +63,8 @@ class FaultLog:
         self.entries.clear()
 
     def packed(self, number: int) -> int:
-        """Return entry `number` (0 = newest) as bits 15..0 code, 23..16 state, 31..24 mode; 0 = there is
-        none.
+        """Return entry `number` (0 = newest) as bits 15..0 code, 23..16 state,
+        31..24 mode; 0 = there is none.
         """
         if number >= len(self.entries):
             return 0

@@ -1,5 +1,5 @@
-"""What a drive does when something fails: fault reaction, reset, lost communication (C402-014 to C402-016,
-C402-077).
+"""What a drive does when something fails: fault reaction, reset, lost communication
+(C402-014 to C402-016, C402-077).
 """
 
 from __future__ import annotations
@@ -44,22 +44,6 @@ class FaultReactions:
 
     """
 
-    __slots__ = (
-        "_config",
-        "_dc_link",
-        "_emit",
-        "_function",
-        "_machine",
-        "_memory",
-        "_parameters",
-        "_refresh_status",
-        "_resets",
-        "_scheduler",
-        "_slave",
-        "_timer",
-        "causes",
-    )
-
     def __init__(
         self,
         scheduler: Scheduler,
@@ -84,7 +68,7 @@ class FaultReactions:
         self._refresh_status = refresh_status
         self._emit = emit
         self.causes: list[Callable[[int], bool]] = []
-        """Each tells whether the cause of a latched fault is still there."""
+        """Each says whether the cause of a latched fault is still there."""
         self._resets = 0
         self._timer: Timer | None = None
 
@@ -168,8 +152,8 @@ class FaultReactions:
         """React to a lost SYNC in a cyclic mode (C301-037)."""
         if not self._function.mode.cyclic or self._machine.state is not DriveState.OPERATION_ENABLED:
             return
-        if self._config.sync_loss_reaction == "fault":
+        if self._config.sync_loss == "fault":
             self.raise_fault(faults.SYNC_LOST)
-        elif self._config.sync_loss_reaction == "warning":
+        elif self._config.sync_loss == "warning":
             self._slave.emcy(faults.SYNC_LOST)
             self._slave.emcy_clear(faults.SYNC_LOST)

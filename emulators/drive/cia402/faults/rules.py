@@ -35,7 +35,7 @@ class Reset(Enum):
     """Only power-off or NMT reset node: memory or processor have failed."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FaultRule:
     """Everything that belongs to an EMCY code."""
 

@@ -15,25 +15,23 @@ BIT_13: Final = 1 << 13
 
 
 class ModeOfOperation:
-    """A mode in force. The drive calls `enter` when set-points begin to count and `leave` when they cease to.
+    """A mode in effect. The drive calls `enter` when setpoints begin to count and `leave` when they cease to.
 
     Args:
         axis: The motor as the profile sees it.
 
     """
 
-    __slots__ = ("axis", "following_error", "limited", "missed", "status")
-
     number: int = 0
     """Value of 6060h."""
     position_controlled: bool = True
     """Whether stops of this mode keep the position control."""
     cyclic: bool = False
-    """Whether set-points come with every SYNC."""
+    """Whether setpoints come with every SYNC."""
     tells_arrival: bool = True
     """Whether bit 10 of the status word is "target reached" (C402-044)."""
     target_key: int = 0
-    """Key of the cyclic set-point."""
+    """Key of the cyclic setpoint."""
 
     def __init__(self, axis: ProfileAxis) -> None:
         self.axis = axis
@@ -42,12 +40,12 @@ class ModeOfOperation:
         self.limited = False
         """A limit holds the motion back (bit 11)."""
         self.missed = 0
-        """Cyclic set-points that have been missing in succession."""
+        """Cyclic setpoints that have been missing in succession."""
         self.following_error = False
         """The following error is too large; set by the drive (bit 13 in pp and csp)."""
 
     def enter(self) -> None:
-        """Begin with set-point = actual value (C402-089)."""
+        """Begin with setpoint = actual value (C402-089)."""
         self.rest()
 
     def rest(self) -> None:
@@ -70,12 +68,12 @@ class ModeOfOperation:
         self.axis.demand_excess = 0.0
 
     def control(self, word: int, changed: int) -> None:
-        """Take the mode-specific bits of a new control word; `changed` has the bits that differ from the
-        last.
+        """Take the mode-specific bits of a new control word; `changed` has the
+        bits that differ from the last.
         """
 
     def sync(self) -> None:
-        """Take the cyclic set-point that has become effective with SYNC."""
+        """Take the cyclic setpoint that has become effective with SYNC."""
 
     def cycle(self) -> None:
         """Do the work of one control cycle and update `status`."""
@@ -85,7 +83,7 @@ class ModeOfOperation:
         self.status = 0 if self.axis.core.stopping else BIT_10
 
     def waiting(self) -> None:
-        """Update `status` while the brake opens and set-points do not pass yet."""
+        """Update `status` while the brake opens and setpoints do not pass yet."""
         self.stopped()
 
     def stop(self, option: StopOption) -> None:
@@ -106,8 +104,6 @@ class ModeOfOperation:
 
 class NoMode(ModeOfOperation):
     """6060h = 0: stand still."""
-
-    __slots__ = ()
 
     @override
     def stopped(self) -> None:

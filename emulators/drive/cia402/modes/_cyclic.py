@@ -10,9 +10,7 @@ from emulators.drive.cia402.modes._position_follower import PositionFollower
 
 
 class _CyclicMode(ModeOfOperation):
-    """A set-point with every SYNC; without SYNC the set-point is taken in every control cycle."""
-
-    __slots__ = ("_started",)
+    """A setpoint with every SYNC; without SYNC the setpoint is taken in every control cycle."""
 
     cyclic = True
     tells_arrival = False
@@ -42,8 +40,8 @@ class _CyclicMode(ModeOfOperation):
             self.missed = 0
             self._started = True
         elif axis.supervised and self._started:
-            # Monitoring begins with the first set-point. Velocity and torque stay as they are; a position
-            # goes on with its velocity for one more period (C402-104).
+            # Monitoring begins with the first setpoint. Velocity and torque stay as they are; a position
+            # continues with its velocity for one more period (C402-104).
             self.missed += 1
             axis.missing_count += 1
             return
@@ -63,14 +61,12 @@ class _CyclicMode(ModeOfOperation):
         self.status = 0
 
     def _apply(self, steps: int) -> None:
-        """Take the set-point to be reached within a number of servo steps."""
+        """Take the setpoint to be reached within a number of servo steps."""
         raise NotImplementedError
 
 
 class CyclicVelocity(_CyclicMode):
     """csv: 60FFh + 60B1h, reached linearly within 60C2h."""
-
-    __slots__ = ("_last",)
 
     number = 9
     position_controlled = False
@@ -109,8 +105,6 @@ class CyclicVelocity(_CyclicMode):
 class CyclicTorque(_CyclicMode):
     """cst: 6071h + 60B2h within torque and speed limits."""
 
-    __slots__ = ()
-
     number = 10
     position_controlled = False
     target_key = 0x607100
@@ -138,11 +132,9 @@ class CyclicTorque(_CyclicMode):
 class CyclicPosition(_CyclicMode):
     """csp: 607Ah + 60B0h, reached linearly within 60C2h.
 
-    It starts with the present velocity, for at most one period, so that a controller that goes on as the axis
-    moves makes no jump.
+    It starts with the present velocity, for at most one period, so that a controller that continues as the
+    axis moves makes no jump.
     """
-
-    __slots__ = ("_follower", "_unprimed")
 
     number = 8
     target_key = 0x607A00
@@ -153,7 +145,7 @@ class CyclicPosition(_CyclicMode):
         self._unprimed = axis.config.quirks.csp_jumps_unprimed
 
     def enter(self) -> None:
-        """Go on with the present velocity until the first set-point comes."""
+        """Go on with the present velocity until the first setpoint comes."""
         super().enter()
         axis = self.axis
         core = axis.core

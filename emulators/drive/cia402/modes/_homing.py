@@ -65,29 +65,6 @@ _HEEDING: Final = (_Phase.SWITCH, _Phase.INDEX, _Phase.ATTAINED)
 class Homing(ModeOfOperation):
     """hm: a rising edge of bit 4 starts a homing run by the method of 6098h."""
 
-    __slots__ = (
-        "_acceleration",
-        "_blocked",
-        "_direction",
-        "_elapsed_s",
-        "_failed",
-        "_fast_speed",
-        "_form",
-        "_index",
-        "_inputs",
-        "_method",
-        "_methods",
-        "_origin",
-        "_phase",
-        "_slow",
-        "_slow_speed",
-        "_succeeded",
-        "_turned",
-        "_zone",
-        "on_homed",
-        "on_search_failed",
-    )
-
     number = 6
 
     def __init__(self, axis: ProfileAxis) -> None:
@@ -98,7 +75,7 @@ class Homing(ModeOfOperation):
         self._fast_speed = self._slow_speed = 0.0
         self._acceleration = _STEEPEST
         self._form = TRAPEZOID
-        self._methods = supported_methods(axis.config.hard_stop_methods)
+        self._methods = supported_methods(axis.config.homing)
         self._method: Method = Here()
         self._phase = _Phase.IDLE
         self._failed = self._succeeded = False
@@ -246,7 +223,7 @@ class Homing(ModeOfOperation):
         """Make a position (increments of the encoder) the home position."""
         axis = self.axis
         offset = axis.values[0x607C00]
-        axis.set_home(increments, offset if axis.config.home_offset == "vendor" else -offset)
+        axis.set_home(increments, offset if axis.config.homing.offset == "vendor" else -offset)
         axis.homed = True
         self._end(True)
         self._attained()
@@ -255,7 +232,7 @@ class Homing(ModeOfOperation):
         """Come to rest, or go to position zero where that is wanted (C402-138)."""
         axis = self.axis
         self._phase = _Phase.ATTAINED
-        if axis.config.homing_move == "zero" and self._slow_speed > 0.0:
+        if axis.config.homing.move == "zero" and self._slow_speed > 0.0:
             target = axis.angle_of(0)
             self._direction = 1 if target > axis.core.position_command else -1
             self._go_to(target, self._slow_speed)
@@ -422,8 +399,8 @@ class Homing(ModeOfOperation):
         self._form = axis.profile_form()
 
     def _move(self, direction: int) -> None:
-        """Move in a direction until the next command: fast, or slowly once an edge has been passed
-        (C402-133).
+        """Move in a direction until the next command: fast, or slowly once an
+        edge has been passed (C402-133).
         """
         self._direction = direction
         self._go_to(

@@ -17,24 +17,12 @@ _ENABLE: Final = 0x10
 
 
 class InterpolatedPosition(ModeOfOperation):
-    """ip: one set-point of the buffer in every period 60C2h, joined by straight lines, while bit 4 is 1.
+    """ip: one setpoint of the buffer in every period 60C2h, joined by straight lines, while bit 4 is 1.
 
-    With SYNC the periods begin at every SYNC, without one the drive counts them. When no set-point waits, the
-    axis holds the last one, bit 12 is 0, and a warning tells of it; the next set-point goes on. While a halt
-    lasts, the set-points run out unseen. Limits and the offsets 60B1h and 60B2h act as in csp.
+    With SYNC the periods begin at every SYNC, without one the drive counts them. When no setpoint waits, the
+    axis holds the last one, bit 12 is 0, and a warning says so; the next setpoint resumes the motion. While a
+    halt lasts, the setpoints run out unseen. Limits and the offsets 60B1h and 60B2h act as in csp.
     """
-
-    __slots__ = (
-        "_active",
-        "_arrival",
-        "_elapsed",
-        "_follower",
-        "_last",
-        "_word",
-        "buffer",
-        "on_empty",
-        "starved",
-    )
 
     number = 7
 
@@ -45,7 +33,7 @@ class InterpolatedPosition(ModeOfOperation):
         self.on_empty: Callable[[bool], None] | None = None
         """Called with True when the buffer has run empty, with False when that is over."""
         self.starved = False
-        """The axis waits for a set-point in the middle of an interpolation."""
+        """The axis waits for a setpoint in the middle of an interpolation."""
         self._active = False
         self._elapsed = 0.0
         self._last: int | None = None
@@ -105,7 +93,7 @@ class InterpolatedPosition(ModeOfOperation):
         self.status = status | BIT_10 if resting else status
 
     def stopped(self) -> None:
-        """Let the set-points of a halt run out: they are not resumed (C402-076)."""
+        """Let the setpoints of a halt run out: they are not resumed (C402-076)."""
         axis = self.axis
         self._active = False
         if self._word & _ENABLE and axis.halted:
@@ -116,7 +104,7 @@ class InterpolatedPosition(ModeOfOperation):
         self.status = 0 if axis.core.stopping else BIT_10
 
     def _next(self) -> None:
-        """Begin a period: with the next set-point, or on the way to the last one."""
+        """Begin a period: with the next setpoint, or on the way to the last one."""
         if not self._word & _ENABLE:
             return
         axis = self.axis
@@ -137,7 +125,7 @@ class InterpolatedPosition(ModeOfOperation):
         self.limited = self._follower.go_to(position, axis.period_steps)
 
     def _interrupt(self) -> None:
-        """Brake and hold; the next set-point begins a period of its own."""
+        """Brake and hold; the next setpoint begins a period of its own."""
         self.rest()
         self._active = False
         self._last = None

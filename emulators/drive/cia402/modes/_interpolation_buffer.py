@@ -1,4 +1,4 @@
-"""The set-points that wait for interpolated position mode: 60C1h and 60C4h (C402-172)."""
+"""The setpoints that wait for interpolated position mode: 60C1h and 60C4h (C402-172)."""
 
 from __future__ import annotations
 
@@ -7,18 +7,16 @@ from typing import Final
 FIFO: Final = 0
 RING: Final = 1
 MAXIMUM: Final = 16
-"""60C4h:1: most set-points that can wait."""
+"""60C4h:1: most setpoints that can wait."""
 
 
 class InterpolationBuffer:
     """Positions in the order in which they are to be reached.
 
     While access is disabled (60C4h:6 = 0) the data record itself is the buffer: one place, and a new
-    set-point takes that of one that still waits. Enabled, there are as many places as 60C4h:2 says. A full
-    first-in-first-out buffer refuses a set-point; a full ring gives the place of the oldest to it.
+    setpoint takes that of one that still waits. Enabled, there are as many places as 60C4h:2 says. A full
+    first-in-first-out buffer refuses a setpoint; a full ring gives the place of the oldest to it.
     """
-
-    __slots__ = ("_places", "_read", "_waiting", "enabled", "organisation", "size", "write")
 
     def __init__(self) -> None:
         self.enabled = False
@@ -27,7 +25,7 @@ class InterpolationBuffer:
         self.organisation = FIFO
         """60C4h:3."""
         self.write = 0
-        """60C4h:4: place that the next set-point takes."""
+        """60C4h:4: place that the next setpoint takes."""
         self._places = [0] * MAXIMUM
         self._read = 0
         self._waiting = 0
@@ -36,7 +34,7 @@ class InterpolationBuffer:
         return self._waiting
 
     def clear(self) -> None:
-        """Forget all set-points."""
+        """Forget all setpoints."""
         self.write = self._read = self._waiting = 0
 
     def configure(self, *, size: int, organisation: int, enabled: bool) -> None:
@@ -45,7 +43,7 @@ class InterpolationBuffer:
         Args:
             size: Places, 1..`MAXIMUM`.
             organisation: `FIFO` or `RING`.
-            enabled: Whether set-points queue up.
+            enabled: Whether setpoints queue up.
 
         """
         self.size = size
@@ -54,7 +52,7 @@ class InterpolationBuffer:
         self.clear()
 
     def put(self, position: int) -> bool:
-        """Add a set-point; returns False when the buffer is full."""
+        """Add a setpoint; returns False when the buffer is full."""
         if not self.enabled:
             self._places[0] = position
             self._read = self.write = 0
@@ -71,7 +69,7 @@ class InterpolationBuffer:
         return True
 
     def take(self) -> int | None:
-        """Return the next set-point and give its place free; None when none waits."""
+        """Return the next setpoint and give its place free; None when none waits."""
         if not self._waiting:
             return None
         position = self._places[self._read]
@@ -81,7 +79,7 @@ class InterpolationBuffer:
         return position
 
     def go_to(self, place: int) -> None:
-        """Put the next set-point at a place of the ring; those from there on are given up."""
+        """Put the next setpoint at a place of the ring; those from there on are given up."""
         if self._waiting:
             kept = (place - self._read) % self.size
             self._waiting = min(self._waiting, kept)

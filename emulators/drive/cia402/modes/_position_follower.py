@@ -15,8 +15,6 @@ class PositionFollower:
 
     """
 
-    __slots__ = ("_axis", "_last_target", "velocity")
-
     def __init__(self, axis: ProfileAxis) -> None:
         self._axis = axis
         self.velocity = 0.0
@@ -44,7 +42,7 @@ class PositionFollower:
         target = axis.angle_of(allowed)
         start = core.position_command
         if axis.synchronised:
-            # A SYNC that comes early or late does not shift the grid on which set-points are reached.
+            # A SYNC that comes early or late does not shift the grid on which setpoints are reached.
             shift = core.phase_steps
             if -steps < 2 * shift < steps:
                 steps += shift

@@ -1,4 +1,4 @@
-"""Profile position mode: handshake, buffer of one set-point, linear and rotary axes, four profiles (C402-091
+"""Profile position mode: handshake, buffer of one setpoint, linear and rotary axes, four profiles (C402-091
 to C402-095).
 """
 
@@ -37,19 +37,6 @@ class _SetPoint(NamedTuple):
 class ProfilePosition(ModeOfOperation):
     """pp: point-to-point motion made by the drive."""
 
-    __slots__ = (
-        "_acknowledge",
-        "_arrived",
-        "_current",
-        "_held",
-        "_next",
-        "_passes",
-        "_target",
-        "_target_angle",
-        "_window",
-        "_word",
-    )
-
     number = 1
 
     def __init__(self, axis: ProfileAxis) -> None:
@@ -76,8 +63,8 @@ class ProfilePosition(ModeOfOperation):
         self._forget()
 
     def _forget(self) -> None:
-        """Give all set-points up. Until the next one the target is the demand: where a motion comes to
-        rest.
+        """Give all setpoints up. Until the next one the target is the
+        demand: where a motion comes to rest.
         """
         self._current = self._next = None
         self._acknowledge = self._held = False
@@ -85,7 +72,7 @@ class ProfilePosition(ModeOfOperation):
         self._target = None
 
     def control(self, word: int, changed: int) -> None:
-        """Take a set-point with a rising edge of bit 4."""
+        """Take a setpoint with a rising edge of bit 4."""
         self._word = word
         if word & changed & _NEW_SETPOINT:
             if self.axis.halted and self.axis.config.quirks.halt_blocks_acknowledge:
@@ -121,7 +108,7 @@ class ProfilePosition(ModeOfOperation):
         self.status = (BIT_12 if self._acknowledge else 0) | (0 if self.axis.core.stopping else BIT_10)
 
     def resume(self) -> None:
-        """Go on to the interrupted set-point (C402-076)."""
+        """Go on to the interrupted setpoint (C402-076)."""
         if self._held:
             self._held = False
             if self._word & _NEW_SETPOINT:
@@ -134,7 +121,7 @@ class ProfilePosition(ModeOfOperation):
             self._start(self._current)
             self._pass_by()
 
-    # -- set-points ------------------------------------------------------------------------------------
+    # -- setpoints ------------------------------------------------------------------------------------
 
     def _take(self, word: int) -> None:
         quirks = self.axis.config.quirks
@@ -156,7 +143,7 @@ class ProfilePosition(ModeOfOperation):
         self._pass_by()
 
     def _pass_by(self) -> None:
-        """Go past the present target with its velocity, if the waiting set-point asks for it."""
+        """Go past the present target with its velocity, if the waiting setpoint asks for it."""
         current = self._current
         if self._next is not None and current is not None and self._passes and not self.axis.halted:
             self._move(current._replace(end_velocity=current.velocity))

@@ -19,8 +19,6 @@ class ProfileTorque(ModeOfOperation):
     then coasts.
     """
 
-    __slots__ = ("_elapsed", "_length", "_shape", "_slope", "_start", "_target")
-
     number = 4
     position_controlled = False
 

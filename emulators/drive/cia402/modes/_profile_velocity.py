@@ -14,8 +14,6 @@ from emulators.drive.protection import WindowTimer
 class ProfileVelocity(ModeOfOperation):
     """pv: the drive ramps to 60FFh with 6083h and 6084h; changes count at once."""
 
-    __slots__ = ("_command", "_standing", "_within", "on_slippage")
-
     number = 3
     position_controlled = False
 

@@ -26,8 +26,6 @@ class Velocity(ModeOfOperation):
     with a minimum speed.
     """
 
-    __slots__ = ("_command", "_word")
-
     number = 2
     position_controlled = False
     tells_arrival = False

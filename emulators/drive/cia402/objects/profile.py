@@ -1,16 +1,17 @@
 """Profile objects 6000h..67FFh (C402-175 to C402-278) and the manufacturer's diagnostics from 2000h on.
 
 Defaults in user units hold for the default units: velocity in rpm, acceleration in rpm/s. 6502h and 60E3h
-claim what this drive does and no more.
+name what this drive does and no more.
 """
 
 from __future__ import annotations
 
 from typing import Final
 
-from emulators.drive.cia402.homing_methods import DEFAULT_STOP_METHODS, supported_methods
+from emulators.drive.cia402.homing_methods import supported_methods
 from emulators.drive.cia402.objects.communication import DEVICE_TYPE
 from emulators.drive.cia402.objects.protection import protection_objects
+from emulators.drive.homing_config import HomingConfig
 from fieldbus.canopen.object_table import (
     I8,
     I16,
@@ -28,7 +29,7 @@ from fieldbus.canopen.object_table import (
 
 SUPPORTED_MODES: Final = 0x3EF
 """6502h: all modes of the profile but cstca."""
-SUPPORTED_HOMING: Final = tuple(supported_methods(DEFAULT_STOP_METHODS))
+SUPPORTED_HOMING: Final = tuple(supported_methods(HomingConfig()))
 """60E3h of a drive with the hard-stop methods of the specification."""
 _LOWEST: Final = -0x80000000
 _HIGHEST: Final = 0x7FFFFFFF

@@ -63,7 +63,7 @@ def protection_readers(
 ) -> dict[int, Callable[[], int | str]]:
     """Return what is read live, by key."""
     link = protection.dc_link
-    rated = config.rated_torque_Nm
+    rated = config.rated_torque_nm
     readers: dict[int, Callable[[], int | str]] = {
         0x210101: lambda: round(protection.motor.temperature_C * 10.0),
         0x210102: lambda: round(protection.stage.temperature_C * 10.0),

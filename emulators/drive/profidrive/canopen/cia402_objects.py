@@ -1,5 +1,5 @@
-"""Objects of CiA 402 as a PROFIdrive axis on CANopen shows them: other names for its words and parameters
-(PD-342).
+"""Objects of CiA 402 as a PROFIdrive axis on CANopen shows them: other names for its
+words and parameters (PD-342).
 
 Velocities are in rpm times 6094h, torques in thousandths of the rated torque. SDO alone reaches the objects;
 PDOs carry the telegram. Control word and target velocity change their signal in the telegram that came last.
@@ -46,14 +46,12 @@ class Cia402Objects:
 
     """
 
-    __slots__ = ("_behind", "_drive", "_rows", "_store")
-
     def __init__(self, drive: ProfidriveDrive, store: ParameterStore, behind: ForeignObjects) -> None:
         self._drive = drive
         self._store = store
         self._behind = behind
         core = drive.core
-        rated = drive.config.rated_torque_Nm
+        rated = drive.config.rated_torque_nm
         mode = _POSITION if drive.config.positions else _VELOCITY
 
         def share(torque_Nm: float) -> int:

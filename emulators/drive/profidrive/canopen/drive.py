@@ -1,5 +1,5 @@
-"""The PROFIdrive axis as a node of a CAN segment: its telegram in free process data words on PDOs, latched by
-SYNC.
+"""The PROFIdrive axis as a node of a CAN segment: its telegram in free process data
+words on PDOs, latched by SYNC.
 
 At SYNC the drive takes what has come (`process_words`), makes its cycle, and its answer goes into the TPDOs
 of the same SYNC. A drive that is not isochronous makes its cycle by itself when SYNC is missing.
@@ -42,7 +42,7 @@ _REACTIONS: Final = {1: Off.OFF2, 2: Off.OFF2, 3: Off.OFF3}
 """6007h: 0 nothing, 1 fault, 2 pulses off, 3 quick stop (PD-345)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ProfidriveNodeConfig:
     """A PROFIdrive axis on CANopen.
 
@@ -84,15 +84,6 @@ class ProfidriveCanDrive(DriveOnBus):
             words in a direction.
 
     """
-
-    __slots__ = (
-        "_configured",
-        "_emcys",
-        "_words",
-        "node",
-        "node_config",
-        "slave",
-    )  # fmt: skip
 
     trace_enums: ClassVar = {**DriveOnBus.trace_enums, **value_texts((NMT_STATE,))}
     bus_columns = (NMT_STATE,)
@@ -150,8 +141,8 @@ class ProfidriveCanDrive(DriveOnBus):
         drive.on_warning = lambda: slave.set(objects.WARNING_NUMBER, 0, drive.faults.warning_number)
 
     def trace_row(self) -> tuple[float, ...]:
-        """Return the present values of `trace_columns`; position and velocity are those of the true
-        mechanics.
+        """Return the present values of `trace_columns`; position and velocity
+        are those of the true mechanics.
         """
         return self._trace_values(self.slave.nmt_state)
 
@@ -196,7 +187,7 @@ class ProfidriveCanDrive(DriveOnBus):
         """Keep what p0971 or p0977 has saved, in the file too if there is one."""
         store = self.slave.store
         store.extra[_MEMORY] = self.parameters.store.saved
-        with suppress(HilError):  # the history tells of a file that cannot be written
+        with suppress(HilError):  # the history reports a file that cannot be written
             store.persist()
 
     def _show_all(self) -> None:

@@ -52,7 +52,7 @@ def abort_code(error: int) -> int:
     return ABORT_CODES.get(error, GENERAL_ERROR)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ParameterWindow:
     """What p8630 lets be seen of the parameters.
 
@@ -104,22 +104,20 @@ _DATA_TYPES: Final = {
 
 
 class ParameterObjects:
-    """The parameters as objects in addition to those of the dictionary, through the window of p8630; see
-    `ForeignObjects`.
+    """The parameters as objects in addition to those of the dictionary, through the window
+    of p8630; see `ForeignObjects`.
 
     Args:
         store: The parameters; p8630 is among them.
 
     """
 
-    __slots__ = ("_store",)
-
     def __init__(self, store: ParameterStore) -> None:
         self._store = store
 
     @property
     def window(self) -> ParameterWindow:
-        """What p8630 lets be seen at present; an offset that there is not shows nothing."""
+        """What the window of p8630 shows at present; an offset without parameters shows nothing."""
         enabled, page, offset = (int(value) for value in self._store.values(_WINDOW, 0, 3))
         known = offset < len(OFFSETS)
         return ParameterWindow(enabled=enabled == 1 and known, page=page, offset=offset if known else 0)

@@ -32,8 +32,6 @@ class FaultMessage:
 class FaultBuffer:
     """The present fault situation and those that were acknowledged, newest first."""
 
-    __slots__ = ("_situations", "counter", "current")
-
     def __init__(self) -> None:
         self.current: list[FaultMessage] = []
         """The present situation itself, to be read only: what every bus cycle asks."""

@@ -1,5 +1,5 @@
-"""Faults and warnings of the emulated PROFIdrive axis, with their numbers, reactions and EMCY codes (PD-133,
-PD-139).
+"""Faults and warnings of the emulated PROFIdrive axis, with their numbers, reactions
+and EMCY codes (PD-133, PD-139).
 
 The numbers are those under which such drives report these events; FAULT_CODE and WARN_CODE show them.
 """
@@ -234,8 +234,8 @@ _NOT_RESTRICTED: Final = frozenset({DriveWarning.JOG_CONTRADICTION, DriveWarning
 def alarm_class(numbers: Iterable[int]) -> int:
     """Return the class of the gravest warning (ZSW2 bits 5 and 6, PD-083).
 
-    0 none, 1 operation is not restricted, 2 it will be if nothing changes, 3 something does not work at
-    present.
+    0 none, 1 operation is not restricted, 2 it will be if nothing changes, 3
+    something does not work at present.
     """
     gravest = 0
     for number in numbers:
@@ -263,8 +263,8 @@ _NAMUR_OTHER: Final = 15
 
 
 def namur_word(numbers: Iterable[int]) -> int:
-    """Return MELD_NAMUR of present faults: a bit per class of diagnosis, bit 15 for all other ones (PD-009,
-    PD-140).
+    """Return MELD_NAMUR of present faults: a bit per class of diagnosis, bit 15 for
+    all other ones (PD-009, PD-140).
     """
     word = 0
     for number in numbers:

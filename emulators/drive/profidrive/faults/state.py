@@ -1,5 +1,5 @@
-"""What is wrong with the drive now: fault situation, reactions, lasting causes, warnings (PD-115, PD-133 to
-PD-139).
+"""What is wrong with the drive now: fault situation, reactions, lasting causes,
+warnings (PD-115, PD-133 to PD-139).
 """
 
 from __future__ import annotations
@@ -33,19 +33,6 @@ class FaultState:
 
     """
 
-    __slots__ = (
-        "_causes",
-        "_scheduler",
-        "_since_ns",
-        "buffer",
-        "off",
-        "on_acknowledged",
-        "on_fault",
-        "on_warning",
-        "pulses",
-        "warnings",
-    )
-
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
         self._since_ns = 0
@@ -60,7 +47,7 @@ class FaultState:
         self.on_acknowledged: Callable[[], None] = _nobody
         """Called when a situation has been acknowledged."""
         self.pulses: Callable[[], bool] = _no
-        """Tells whether there are pulses: some faults cannot be acknowledged then."""
+        """Says whether there are pulses: some faults cannot be acknowledged then."""
         self.on_warning: Callable[[], None] = _nobody
         """Called when the warnings have changed."""
 
@@ -99,7 +86,7 @@ class FaultState:
         return True
 
     def keep(self, number: int, holds: Callable[[], bool]) -> None:
-        """Name what tells whether the cause of a fault is still there when it is acknowledged."""
+        """Set the check whether the cause of a fault is still there when it is acknowledged."""
         self._causes[number] = holds
 
     def forget(self, number: int | None = None) -> None:

@@ -44,7 +44,7 @@ class PositionMode:
         positioner: Basic positioner.
         data: Setpoints of the telegram.
         machine: General state machine.
-        safety: Safety functions in force.
+        safety: Safety functions in effect.
         faults: Faults and warnings.
         torque: Torque limits.
         inputs: Limit and home switches.
@@ -52,33 +52,6 @@ class PositionMode:
         raise_fault: Raises a fault of the drive.
 
     """
-
-    __slots__ = (
-        "_acc_at",
-        "_acc_fine_at",
-        "_data",
-        "_dec_at",
-        "_dec_fine_at",
-        "_faults",
-        "_inputs",
-        "_keeps_home",
-        "_machine",
-        "_mod_at",
-        "_override_at",
-        "_pos_stw_at",
-        "_raise_fault",
-        "_refusals",
-        "_safety",
-        "_satzanw_at",
-        "_stw1_at",
-        "_stw2_at",
-        "_target_at",
-        "_torque",
-        "_velocity_at",
-        "_warned",
-        "channel",
-        "positioner",
-    )
 
     def __init__(
         self,
@@ -126,8 +99,8 @@ class PositionMode:
         self._warned = None
 
     def jogs(self, stw1: int) -> bool:
-        """Say whether a control word switches on by a jog bit: not in position mode; both bits at once are a
-        warning.
+        """Say whether a control word switches on by a jog bit: not in position mode;
+        both bits at once are a warning.
         """
         self._faults.warn(DriveWarning.JOG_CONTRADICTION, stw1 & _JOG == _JOG)
         return False
@@ -135,7 +108,7 @@ class PositionMode:
     # -- setpoint words --------------------------------------------------------------------------------
 
     def words(self, row: tuple[int, ...]) -> Words:
-        """Return the setpoint words in force, whichever telegram brings them."""
+        """Return the setpoint words in effect, whichever telegram brings them."""
         settings = self.positioner.settings
         inputs = self._inputs.value
         if self._satzanw_at >= 0:
@@ -183,7 +156,7 @@ class PositionMode:
             plus_cam=bool(inputs & _POSITIVE_LIMIT),
             fixed_stop=torque.at_fixed_stop,
         )
-        clamping = positioner.settings.clamping_torque_Nm if positioner.fixed_stop.active else math.inf
+        clamping = positioner.clamping_torque_Nm if positioner.fixed_stop.active else math.inf
         if clamping != torque.clamping_Nm:
             torque.cap(clamping_Nm=clamping)
         if positioner.refused is not self._warned or positioner.refusals != self._refusals:

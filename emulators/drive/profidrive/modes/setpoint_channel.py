@@ -36,29 +36,6 @@ class SetpointChannel:
 
     """
 
-    __slots__ = (
-        "_core",
-        "_cycle_s",
-        "_down",
-        "_gain",
-        "_high",
-        "_low",
-        "_potentiometer_step",
-        "_quick",
-        "_quick_shape",
-        "_rounded",
-        "_scale",
-        "_settings",
-        "_shape",
-        "_steps",
-        "_up",
-        "dsc",
-        "potentiometer",
-        "ramp_scale",
-        "sent_angle",
-        "target",
-    )
-
     def __init__(
         self, core: ServoCore, settings: DriveSettings, *, steps: int, cycle_s: float, interpolation: bool
     ) -> None:
@@ -73,7 +50,7 @@ class SetpointChannel:
         self.ramp_scale = 1.0
         """Share of their slope that all ramps have."""
         self.target = 0.0
-        """Speed setpoint in force, rad/s."""
+        """Speed setpoint in effect, rad/s."""
         self.dsc = False
         """Whether the position is controlled by dynamic servo control now."""
         self.sent_angle = 0.0
@@ -130,8 +107,8 @@ class SetpointChannel:
         return self._settings.jog_rpm[0 if stw1 & _JOG_1 else 1] * RPM
 
     def stop_ramp(self, stw1: int, *, quick: bool) -> None:
-        """Brake from the actual speed: OFF1 with p1121, without ramp generator and on OFF3 with p1135
-        (PD-116).
+        """Brake from the actual speed: OFF1 with p1121, without ramp generator
+        and on OFF3 with p1135 (PD-116).
         """
         self.dsc = False
         jogs = bool(stw1 & _JOG) or not stw1 & _ALL
@@ -146,7 +123,7 @@ class SetpointChannel:
         """Command the servo core for a bus cycle of operation (S4).
 
         Args:
-            stw1: Control word in force.
+            stw1: Control word in effect.
             nsoll: Speed setpoint, N4.
             xerr: Position deviation, increments of G1_XIST1.
             kpc: Gain, 0.001 1/s; 0 = no dynamic servo control.

@@ -31,12 +31,10 @@ class SpeedDeviation:
 
     Args:
         core: Servo core.
-        settings: Parameters in force.
+        settings: Parameters in effect.
         cycle_s: Bus cycle, s.
 
     """
-
-    __slots__ = ("_core", "_cycle_s", "_settings", "_window", "in_tolerance")
 
     def __init__(self, core: ServoCore, settings: DriveSettings, *, cycle_s: float) -> None:
         self._core = core
@@ -71,26 +69,12 @@ class SpeedMode:
         channel: Setpoint channel.
         core: Servo core.
         data: Setpoints of the telegram.
-        settings: Parameters in force.
+        settings: Parameters in effect.
         faults: Faults and warnings.
         deviation: Deviation of the speed.
         isochronous: Whether the telegram comes with the clock.
 
     """
-
-    __slots__ = (
-        "_core",
-        "_data",
-        "_deviation",
-        "_faults",
-        "_isochronous",
-        "_kpc_at",
-        "_narrow",
-        "_nsoll_at",
-        "_settings",
-        "_xerr_at",
-        "channel",
-    )
 
     def __init__(
         self,
@@ -120,8 +104,8 @@ class SpeedMode:
         """Begin as after power-on."""
 
     def jogs(self, stw1: int) -> bool:
-        """Say whether a control word switches on by a jog bit (PD-122); a contradiction of both bits is a
-        warning.
+        """Say whether a control word switches on by a jog bit (PD-122); a
+        contradiction of both bits is a warning.
         """
         self._faults.warn(DriveWarning.JOG_CONTRADICTION, stw1 & _JOG == _JOG)
         return self.channel.jogging(stw1)

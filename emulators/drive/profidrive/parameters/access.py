@@ -53,8 +53,6 @@ class ChannelError(IntEnum):
 class _DelayedAnswer(Generic[Answer]):
     """The answer to a request, which can be read after the time that the drive takes for it."""
 
-    __slots__ = ("_ready_ns", "answer")
-
     def __init__(self) -> None:
         self.answer: Answer | None = None
         """The answer, perhaps not yet to be read; None: there is no request."""
@@ -86,16 +84,6 @@ class ParameterChannel:
         available: Whether the drive takes requests at present; otherwise they are answered with error 2.
 
     """
-
-    __slots__ = (
-        "_available",
-        "_filled",
-        "_pending",
-        "_registers",
-        "_server",
-        "injected",
-        "latency_ns",
-    )
 
     first: Final = FIRST_REGISTER
     """Number of the first register."""
@@ -211,8 +199,6 @@ class ParameterRecord:
 
     """
 
-    __slots__ = ("_available", "_pending", "_server", "latency_ns")
-
     def __init__(
         self,
         server: ParameterServer,
@@ -229,8 +215,8 @@ class ParameterRecord:
         """Take a request.
 
         Raises:
-            RecordRefusedError: Module failure, no such record, wrong length, a request under way, wrong
-                header.
+            RecordRefusedError: Module failure, no such record, wrong length, a
+                request under way, wrong header.
 
         """
         self._check(record)

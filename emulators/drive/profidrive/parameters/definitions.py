@@ -93,7 +93,7 @@ class WriteRule(StrEnum):
     """Any time, but only with 0."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ParameterDefinition:
     """A parameter.
 

@@ -11,9 +11,7 @@ from fieldbus.profidrive.requests import pack_values
 
 DESCRIPTION_PARTS: Final = (2, 2, 4, 2, 4, 16, 4, 4, 2, 2, 2, 2)
 """Bytes of: identifier, elements, standardisation, variable attribute, reserved, name, low, high, reserved,
-extension,
-reference parameter, normalisation."""
-DESCRIPTION_LENGTH: Final = sum(DESCRIPTION_PARTS)
+extension, reference parameter, normalisation."""
 
 _ARRAY: Final = 0x4000
 _RESET_ONLY: Final = 0x2000
@@ -31,8 +29,8 @@ def text_of(text: str) -> bytes:
 
 
 def describe(definition: ParameterDefinition, *, changed: bool) -> bytes:
-    """Return the description of a parameter; units and standardisation are left out, which its identifier
-    says.
+    """Return the description of a parameter; units and standardisation are left
+    out, which its identifier says.
     """
     identifier = int(definition.type) | _NO_STANDARDISATION
     if definition.size is not None:

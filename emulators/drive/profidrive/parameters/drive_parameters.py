@@ -1,5 +1,5 @@
-"""The parameters of a `ProfidriveDrive`, connected to what they stand for (PD-133 to PD-138, PD-233 to
-PD-285).
+"""The parameters of a `ProfidriveDrive`, connected to what they stand for
+(PD-133 to PD-138, PD-233 to PD-285).
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ _SWITCHES: Final = {
 """Parameters that switch something on, with the value that does."""
 _WHOLE: Final = frozenset({925, 930, 1409})
 _LIMIT_SOURCES: Final = {1522: (0, 0x05F0FC00, 1.0), 1523: (1, 0x05F1FC00, -1.0)}
-"""Connectors of the torque limits: which limit, the connection to p1520 or p1521, sign of the values that
-fit.
+"""Connectors of the torque limits: which limit, the connection to p1520 or
+p1521, sign of the values that fit.
 """
 _FIXED_VALUES: Final = 0x0B56FC00
 """Connector of r2902[0]; the next elements follow (STP-153, STP-154)."""
@@ -100,8 +100,6 @@ class DriveParameters:
 
     """
 
-    __slots__ = ("drive", "memory", "server", "store", "terminals")
-
     def __init__(
         self,
         drive: ProfidriveDrive,
@@ -134,7 +132,7 @@ class DriveParameters:
             power=drive.power,
             torque=drive.torque,
             inputs=drive.digital_inputs,
-            rated_torque_Nm=drive.config.rated_torque_Nm,
+            rated_torque_Nm=drive.config.rated_torque_nm,
         )
         """Digital and analog terminals."""
         ZeroMarkSource(drive.encoder_words, drive.mechanics, drive.probe_latch, drive.emit, store)
@@ -144,8 +142,8 @@ class DriveParameters:
     # -- for a test ------------------------------------------------------------------------------------
 
     def request(self, data: bytes) -> bytes:
-        """Return the answer to a request of base mode parameter access, as a bus would bring it (PD-199 to
-        PD-231).
+        """Return the answer to a request of base mode parameter access, as a bus
+        would bring it (PD-199 to PD-231).
         """
         return self.server.request(data)
 
@@ -301,7 +299,7 @@ class DriveParameters:
             22: lambda: core.speed_rpm,
             24: frequency,
             26: lambda: drive.power.dc_link.voltage_V,
-            27: lambda: abs(core.torque) / drive.config.rated_torque_Nm * float(store.value(305)),
+            27: lambda: abs(core.torque) / drive.config.rated_torque_nm * float(store.value(305)),
             31: lambda: core.torque,
             32: lambda: core.torque * core.velocity * 1e-3,
             898: lambda: drive.stw1,
@@ -344,8 +342,8 @@ class DriveParameters:
         return 31 if state is AxisState.S2 else 41
 
     def _show_machine(self) -> None:
-        """Show the formats of the encoders, and the inertias as the identification of the drive would find
-        them.
+        """Show the formats of the encoders, and the inertias as the
+        identification of the drive would find them.
         """
         machine = self.drive.config.mechanics
         for number, inertia in ((341, machine.motor_inertia_kgm2), (1498, machine.load_at_motor_kgm2)):

@@ -8,12 +8,12 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from emulators.drive.profidrive.parameters.definitions import ParameterDefinition, load_definitions
-from emulators.drive.profidrive.positioner.config import (
+from emulators.drive.positioner_config import (
     BlockTask,
     Continuation,
     TraversingBlock,
 )
+from emulators.drive.profidrive.parameters.definitions import ParameterDefinition, load_definitions
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive.errors import ParameterAccessError
 from fieldbus.profidrive.requests import ParameterError
@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 _FIELDS: Final = {
     2506: "lu_per_revolution",
     2542: "standstill_window",
+    2543: "standstill_time_ms",
     2544: "window",
+    2545: "positioning_time_ms",
     2546: "following_tolerance",
     2568: "limit_cams_on",
     2571: "max_velocity",
@@ -44,7 +46,6 @@ _FIELDS: Final = {
     2690: "mdi_target",
     2691: "mdi_velocity",
 }
-_MILLISECONDS: Final = {2543: "standstill_time_s", 2545: "positioning_time_s"}
 _PAIRS: Final = {
     2547: ("position_cams", 0),
     2548: ("position_cams", 1),
@@ -60,12 +61,17 @@ _MODULO_RANGE, _MODULO = 2576, 2577
 
 _BLOCKS: Final = range(2616, 2624)
 """Number, position, velocity, acceleration, deceleration, task, parameter, mode."""
-_TASKS: Final = {
-    3: BlockTask.ENDLESS_POSITIVE, 4: BlockTask.ENDLESS_NEGATIVE, 5: BlockTask.WAIT, 6: BlockTask.GOTO,
-    7: BlockTask.SET_OUTPUT, 8: BlockTask.RESET_OUTPUT,
+_TASKS: Final[Mapping[int, BlockTask]] = {
+    3: "endless positive", 4: "endless negative", 5: "wait", 6: "goto",
+    7: "set output", 8: "reset output",
 }  # fmt: skip
-"""p2621; 1 is a positioning, whose kind p2623 tells."""
-_CONTINUATIONS: Final = (Continuation.END, Continuation.STOP, Continuation.FLYING, Continuation.EXTERNAL)
+"""p2621; 1 is a positioning, of the kind in p2623."""
+_CONTINUATIONS: Final[tuple[Continuation, ...]] = (
+    "end",
+    "continue with stop",
+    "continue flying",
+    "continue external",
+)
 """By bits 4 to 7 of p2623; bits 8 to 11 are 0 absolute, 1 relative."""
 
 
@@ -100,9 +106,6 @@ class _PositionerParameters:
             store.writers[number] = lambda _, value, number=number, name=name: self._take(  # type: ignore[misc]
                 {name: bool(value) if number in _SWITCHES else value}
             )
-        for number, name in _MILLISECONDS.items():
-            store.readers[number] = lambda _, name=name: getattr(axis.settings, name) * 1e3  # type: ignore[misc]
-            store.writers[number] = lambda _, value, name=name: self._take({name: value / 1e3})  # type: ignore[misc]
         for number, (name, at) in _PAIRS.items():
             store.readers[number] = lambda _, name=name, at=at: getattr(axis.settings, name)[at]  # type: ignore[misc]
             store.writers[number] = lambda _, value, name=name, at=at: self._take(  # type: ignore[misc]
@@ -117,8 +120,8 @@ class _PositionerParameters:
             store.set(_MODULO, 1)
         for number in (_MODULO_RANGE, _MODULO):
             store.writers[number] = lambda _, value, number=number: self._take_modulo({number: value})  # type: ignore[misc]
-        for at, (block_number, block) in enumerate(axis.settings.blocks):
-            for number, element in zip(_BLOCKS, _row_of(block_number, block), strict=True):
+        for at, block in enumerate(axis.settings.block):
+            for number, element in zip(_BLOCKS, _row_of(block), strict=True):
                 store.set(number, element, at)
         for number in _BLOCKS:
             store.writers[number] = lambda at, value, number=number: self._take_block(number, at, value)  # type: ignore[misc]
@@ -158,16 +161,17 @@ class _PositionerParameters:
             except ConfigurationError:
                 broken.add(block_number)
         self._axis.blocks.broken = frozenset(broken)
-        self._take({"blocks": tuple(sorted(blocks.items()))})
+        self._take({"block": tuple(blocks[one] for one in sorted(blocks))})
 
 
 def _block_of(row: tuple[int | float, ...]) -> TraversingBlock:
-    _, position, velocity, acceleration, deceleration, task, parameter, mode = row
+    number, position, velocity, acceleration, deceleration, task, parameter, mode = row
     kind, follows = int(mode) >> 8, int(mode) >> 4 & 0xF
     if kind > 1 or follows >= len(_CONTINUATIONS):
         raise ConfigurationError("p2623", int(mode), "0h to 30h, 100h to 130h")
     return TraversingBlock(
-        task=_TASKS.get(int(task), BlockTask.RELATIVE if kind else BlockTask.ABSOLUTE),
+        number=int(number),
+        task=_TASKS.get(int(task), "relative" if kind else "absolute"),
         position=int(position),
         velocity=float(velocity),
         acceleration_percent=float(acceleration),
@@ -177,11 +181,11 @@ def _block_of(row: tuple[int | float, ...]) -> TraversingBlock:
     )
 
 
-def _row_of(number: int, block: TraversingBlock) -> tuple[float, ...]:
-    task = next((one for one, kind in _TASKS.items() if kind is block.task), 1)
-    mode = _CONTINUATIONS.index(block.continuation) << 4 | (block.task is BlockTask.RELATIVE) << 8
+def _row_of(block: TraversingBlock) -> tuple[float, ...]:
+    task = next((one for one, kind in _TASKS.items() if kind == block.task), 1)
+    mode = _CONTINUATIONS.index(block.continuation) << 4 | (block.task == "relative") << 8
     return (
-        number,
+        block.number,
         block.position,
         block.velocity,
         block.acceleration_percent,

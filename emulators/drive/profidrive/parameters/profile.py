@@ -1,5 +1,5 @@
-"""Parameters that the profile itself needs: identification, telegram, faults and warnings, loading and
-saving.
+"""Parameters that the profile itself needs: identification, telegram, faults
+and warnings, loading and saving.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _HALF, _FULL = 1 << 31, 1 << 32
 _LOAD_FACTORY, _LOAD_SAVED = 1, 10
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Identification:
     """What PNU 964, 965, 974, 975 and 978 tell.
 
@@ -102,11 +102,11 @@ def identify(store: ParameterStore, who: Identification) -> None:
 
 
 def show_telegram(store: ParameterStore, telegram: Telegram, *, by_bus: bool = True) -> None:
-    """Show the telegram in force: PNU 915, 916, 922, 923 (PD-031, PD-233, PD-235, PD-236).
+    """Show the telegram in effect: PNU 915, 916, 922, 923 (PD-031, PD-233, PD-235, PD-236).
 
     Args:
         store: The parameters.
-        telegram: Telegram in force.
+        telegram: Telegram in effect.
         by_bus: The bus configuration has chosen it: PNU 922 and p2079 can only be read.
 
     """
@@ -213,8 +213,6 @@ class ParameterMemory:
         restart: Restarts the drive. The parameters have been loaded before.
 
     """
-
-    __slots__ = ("_restart", "_store", "on_saved", "reset")
 
     def __init__(self, store: ParameterStore, restart: Callable[[], None] | None = None) -> None:
         self._store = store

@@ -1,5 +1,5 @@
-"""Base mode parameter access of a drive: any bytes in, an answer of at most 240 bytes out (PD-199 to
-PD-231).
+"""Base mode parameter access of a drive: any bytes in, an answer of at most
+240 bytes out (PD-199 to PD-231).
 """
 
 from __future__ import annotations
@@ -45,8 +45,6 @@ class ParameterServer:
         multi: Whether a request may hold several parameters.
 
     """
-
-    __slots__ = ("_objects", "multi", "refused", "requests")
 
     def __init__(self, objects: Mapping[int, ParameterStore], *, multi: bool = True) -> None:
         self._objects = dict(objects)

@@ -52,11 +52,11 @@ class ParameterStore:
         self.writers: Final[dict[int, Writer]] = {}
         """Parameters of which the device takes note."""
         self.limits: Final[dict[int, Callable[[], tuple[float, float]]]] = {}
-        """Limits in force that are narrower than those of the definition; refused with C8h and C9h (PD-231).
+        """Limits in effect that are narrower than those of the definition; refused with C8h and C9h (PD-231).
         """
         self.locked: Final[set[int]] = set()
-        """Parameters that can only be read for the time being, such as PNU 922 set by the bus configuration
-        (PD-235).
+        """Parameters that can only be read for the time being, such as PNU 922 set by
+        the bus configuration (PD-235).
         """
         self.refusals: Final[dict[int, int]] = {}
         """Parameters whose every access is refused with this number: 65h deactivated, or what a fault
@@ -106,7 +106,7 @@ class ParameterStore:
         """Return the present value of an element, as its data type can show it.
 
         Raises:
-            ParameterAccessError: There is no such parameter or element, or the device cannot tell.
+            ParameterAccessError: There is no such parameter or element, or its value is not available.
 
         """
         return self.values(number, sub_index, 1)[0]
@@ -115,7 +115,7 @@ class ParameterStore:
         """Return the present values of several elements, as their data type can show them.
 
         Raises:
-            ParameterAccessError: There is no such parameter or element, or the device cannot tell.
+            ParameterAccessError: There is no such parameter or element, or its value is not available.
 
         """
         definition = self._found(number, start)
@@ -152,8 +152,8 @@ class ParameterStore:
     # -- writing from outside --------------------------------------------------------------------------
 
     def check_value(self, number: int, sub_index: int, value: float) -> Refusal | None:
-        """Return why a value may not be written for what it is; None if it may (PD-212, PD-222, PD-216,
-        PD-231).
+        """Return why a value may not be written for what it is; None if it may
+        (PD-212, PD-222, PD-216, PD-231).
         """
         definition = self._definitions[number]
         low, high = definition.limits
@@ -250,8 +250,8 @@ class ParameterStore:
         }
 
     def load(self) -> None:
-        """Take the settings that were saved last; without any the factory settings. What is not saved starts
-        anew.
+        """Take the settings that were saved last; without any the factory settings.
+        What is not saved returns to its default.
         """
         self._take(self._saved or {})
 
@@ -273,7 +273,7 @@ class ParameterStore:
                 try:
                     self.put(number, at, value)
                 except ParameterAccessError:
-                    continue  # the machine does not take it: what is in force stays
+                    continue  # the machine does not take it: what is in effect stays
 
     # -- inside ----------------------------------------------------------------------------------------
 
@@ -292,8 +292,8 @@ class ParameterStore:
         return definition.save and definition.write not in {WriteRule.NEVER, WriteRule.RESET}
 
     def _list(self, number: int) -> tuple[int, ...]:
-        """Return one of the parameters that list parameters; its last element leads to the one that goes
-        on.
+        """Return one of the parameters that list parameters; its last element
+        leads to the next list.
         """
         lists, numbers = (
             (ALL_LISTS, self.numbers()) if number in ALL_LISTS else (CHANGED_LISTS, self.changed())

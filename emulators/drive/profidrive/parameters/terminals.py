@@ -24,7 +24,7 @@ class Terminals:
 
     Args:
         store: Parameters of the axis.
-        settings: Parameters in force; the torque limits among them stand above a current limit as set.
+        settings: Parameters in effect; the torque limits among them stand above a current limit as set.
         core: Servo core.
         power: Heat and supply.
         torque: Torque limits.
@@ -32,8 +32,6 @@ class Terminals:
         rated_torque_Nm: Rated torque of the motor, Nm.
 
     """
-
-    __slots__ = ("_analog",)
 
     def __init__(
         self,

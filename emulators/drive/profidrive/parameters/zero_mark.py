@@ -27,8 +27,6 @@ class ZeroMarkSource:
 
     """
 
-    __slots__ = ("_emit", "_interface", "_inverted", "_mechanics", "_probe")
-
     def __init__(
         self,
         interface: EncoderInterface,

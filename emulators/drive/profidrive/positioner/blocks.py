@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from emulators.drive.profidrive.positioner.config import BlockTask, Continuation, TraversingBlock
+from emulators.drive.positioner_config import TraversingBlock
 from emulators.drive.profidrive.positioner.motion import Motion
 from emulators.drive.profidrive.positioner.task import Task
 from emulators.drive.profidrive.positioner.terms import Mode, Refused, Words
@@ -24,11 +24,9 @@ class BlockRun:
 
     """
 
-    __slots__ = ("_task", "_wait_s", "active", "broken", "outputs", "table")
-
     def __init__(self, task: Task) -> None:
         self._task = task
-        self.table: dict[int, TraversingBlock] = dict(task.settings.blocks)
+        self.table: dict[int, TraversingBlock] = {one.number: one for one in task.settings.block}
         self.broken: frozenset[int] = frozenset()
         """Blocks that contradict themselves."""
         self.active = 0
@@ -42,7 +40,7 @@ class BlockRun:
 
         Args:
             number: Its number.
-            words: Setpoint words in force.
+            words: Setpoint words in effect.
             base: Where a relative way begins, LU; None: at the position demand.
             follows: It follows another one.
 
@@ -57,16 +55,16 @@ class BlockRun:
             return
         if not block.moves:
             self.active = number
-            self._wait_s = block.parameter / 1000.0 if block.task is BlockTask.WAIT else 0.0
+            self._wait_s = block.parameter / 1000.0 if block.task == "wait" else 0.0
             task.accept(Mode.BLOCK, None)
             return
-        if block.task is BlockTask.ABSOLUTE:
+        if block.task == "absolute":
             target = task.absolute(float(block.position), 0)
             if target is None:
                 return
         else:
             target = self._target_of(block, task.demand if base is None else base)
-        if not task.allowed(target, words, absolute=block.task is BlockTask.ABSOLUTE):
+        if not task.allowed(target, words, absolute=block.task == "absolute"):
             return
         self.active = number
         settings = task.settings
@@ -78,24 +76,24 @@ class BlockRun:
                 settings.max_acceleration * block.acceleration_percent / 100.0,
                 settings.max_deceleration * block.deceleration_percent / 100.0,
                 self._end_velocity(block, number, target),
-                block.task is not BlockTask.ABSOLUTE,
+                block.task != "absolute",
             ),
         )
 
     @staticmethod
     def _target_of(block: TraversingBlock, base: float) -> float:
-        if block.task is BlockTask.ABSOLUTE:
+        if block.task == "absolute":
             return float(block.position)
-        if block.task is BlockTask.RELATIVE:
+        if block.task == "relative":
             return base + block.position
-        return math.inf if block.task is BlockTask.ENDLESS_POSITIVE else -math.inf
+        return math.inf if block.task == "endless positive" else -math.inf
 
     def _end_velocity(self, block: TraversingBlock, number: int, target: float) -> float:
-        """Return the speed with which a flying block change passes the target: only on in the same
-        direction.
+        """Return the speed with which a flying block change passes the target:
+        only on in the same direction.
         """
         following = self.table.get(number + 1)
-        if block.continuation is not Continuation.FLYING or following is None or not following.moves:
+        if block.continuation != "continue flying" or following is None or not following.moves:
             return 0.0
         way = target - self._task.demand
         onward = self._target_of(following, target) - target
@@ -106,7 +104,7 @@ class BlockRun:
         task = self._task
         block = self.table[self.active]
         following = self.active + 1
-        if block.continuation is Continuation.EXTERNAL and rising & STW1.EXTERNAL_BLOCK_CHANGE:
+        if block.continuation == "continue external" and rising & STW1.EXTERNAL_BLOCK_CHANGE:
             self.start(following, words, follows=True)
             return
         if task.target_reached:
@@ -125,24 +123,24 @@ class BlockRun:
             self._end(block, words, wanted.target)
 
     def _carry_out(self, block: TraversingBlock, words: Words, cycle_s: float) -> None:
-        if block.task is BlockTask.WAIT:
+        if block.task == "wait":
             self._wait_s -= cycle_s
             if self._wait_s > 1e-9:
                 return
-        elif block.task is BlockTask.GOTO:
+        elif block.task == "goto":
             if block.parameter not in self.table:
                 self._task.refuse(Refused.NO_JUMP_TARGET)
             else:
                 self.start(block.parameter, words)
             return
-        elif block.task is BlockTask.SET_OUTPUT:
+        elif block.task == "set output":
             self.outputs |= block.parameter & _OUTPUTS
         else:
             self.outputs &= ~block.parameter & _OUTPUTS
         self._end(block, words, None)
 
     def _end(self, block: TraversingBlock, words: Words, base: float | None) -> None:
-        if block.continuation in {Continuation.STOP, Continuation.FLYING}:
+        if block.continuation in {"continue with stop", "continue flying"}:
             self.start(self.active + 1, words, base, follows=True)
         else:
             self._task.target_reached = True

@@ -14,8 +14,6 @@ class FixedStop:
 
     """
 
-    __slots__ = ("_task", "active", "released")
-
     def __init__(self, task: Task) -> None:
         self._task = task
         self.clear()

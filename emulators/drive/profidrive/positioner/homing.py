@@ -29,8 +29,6 @@ class Homing:
 
     """
 
-    __slots__ = ("_phase", "_start", "_task", "passing")
-
     def __init__(self, task: Task) -> None:
         self._task = task
         self._phase = _Phase.TO_CAM

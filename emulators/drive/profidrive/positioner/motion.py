@@ -6,7 +6,7 @@ import math
 from typing import Final, NamedTuple
 
 from emulators.drive.core import ServoCore
-from emulators.drive.profidrive.positioner.config import PositionerSettings
+from emulators.drive.positioner_config import PositionerSettings
 
 _FAR: Final = 1e12
 """Target of a motion without one, LU."""
@@ -32,8 +32,6 @@ class ProfileMotion:
         settings: Scaling and limits.
 
     """
-
-    __slots__ = ("_braking", "_core", "_settings", "halted", "moving", "offset", "planned", "scale")
 
     def __init__(self, core: ServoCore, settings: PositionerSettings) -> None:
         self._core = core
@@ -90,7 +88,7 @@ class ProfileMotion:
             wanted: Motion of the task; None = stand, braking with the maximum deceleration.
             override: Share of the velocity, 0..2.
             held: Stand, but keep the task.
-            limits: Software limits in force, LU.
+            limits: Software limits in effect, LU.
 
         """
         settings = self._settings

@@ -1,9 +1,8 @@
-"""Basic positioner on the position profile of the servo core (PD-045 to PD-075, PD-086 to PD-092). Knows no
-bus.
+"""Basic positioner on the position profile of the servo core (PD-045 to PD-075,
+PD-086 to PD-092). Knows no bus.
 
 `step` is called once per bus cycle with the words of telegram 111; `Positioner.words_of_satzanw` turns those
-of the
-telegrams 7, 9 and 110 into them. Positions are in LU, velocities in 1000 LU/min.
+of the telegrams 7, 9 and 110 into them. Positions are in LU, velocities in 1000 LU/min.
 """
 
 from __future__ import annotations
@@ -12,9 +11,9 @@ import math
 from typing import Final
 
 from emulators.drive.core import ServoCore
+from emulators.drive.positioner_config import PositionerSettings
 from emulators.drive.profidrive.positioner import status as show
 from emulators.drive.profidrive.positioner.blocks import BlockRun
-from emulators.drive.profidrive.positioner.config import PositionerSettings
 from emulators.drive.profidrive.positioner.fixed_stop import FixedStop
 from emulators.drive.profidrive.positioner.homing import Homing
 from emulators.drive.profidrive.positioner.motion import Motion, ProfileMotion
@@ -49,26 +48,6 @@ class Positioner:
 
     """
 
-    __slots__ = (
-        "_cycle_s",
-        "_last",
-        "_last_velocity",
-        "_settling",
-        "_standing",
-        "acknowledged",
-        "blocks",
-        "core",
-        "fixed_stop",
-        "homing",
-        "motion",
-        "pos_zsw1",
-        "pos_zsw2",
-        "referencing",
-        "task",
-        "tracking",
-        "zsw1",
-    )
-
     def __init__(
         self, core: ServoCore, settings: PositionerSettings | None = None, *, cycle_s: float = 0.004
     ) -> None:
@@ -88,6 +67,8 @@ class Positioner:
         """The edge of the bit that still stands was accepted (ZSW1 bit 12)."""
         self.referencing = False
         """The bit that has set the reference point still stands."""
+        self.clamping_torque_Nm = math.inf
+        """Torque limit on the way to a fixed stop, Nm; inf: that of the drive."""
         self.tracking = False
         """The position demand follows the axis."""
         self._last = Words()
@@ -99,9 +80,11 @@ class Positioner:
         """Take changed settings over; a motion under way is planned again with them."""
         self.task.settings = settings
         self.motion.apply(settings)
-        self.blocks.table = dict(settings.blocks)
-        self._settling.time_s = settings.positioning_time_s
-        self._standing.time_s = settings.standstill_time_s
+        self.blocks.table = {one.number: one for one in settings.block}
+        self._settling.time_s = settings.positioning_time_ms / 1000.0
+        self._standing.time_s = settings.standstill_time_ms / 1000.0
+        clamping = settings.clamping_torque_nm
+        self.clamping_torque_Nm = math.inf if clamping is None else clamping
 
     def _clear(self) -> None:
         self.task.mode = Mode.NONE
@@ -203,7 +186,7 @@ class Positioner:
         """Take the words of a bus cycle, move, and form the status words.
 
         Args:
-            words: Setpoint words in force.
+            words: Setpoint words in effect.
             operating: The drive follows the positioner; it does not while it brakes for OFF1 or OFF3. A
                 task waits meanwhile.
             minus_cam: The limit switch in negative direction is actuated.
@@ -389,10 +372,10 @@ class Positioner:
         if self.fixed_stop.active:
             self.fixed_stop.look()
             return
-        if settings.positioning_time_s and self._settling.update(self.motion.settling, self._cycle_s):
+        if settings.positioning_time_ms and self._settling.update(self.motion.settling, self._cycle_s):
             self._settling.reset()
             self.task.refuse(Refused.POSITIONING)
-        if settings.standstill_time_s and self._standing.update(self.motion.displaced, self._cycle_s):
+        if settings.standstill_time_ms and self._standing.update(self.motion.displaced, self._cycle_s):
             self._standing.reset()
             self.task.refuse(Refused.STANDSTILL)
 

@@ -94,7 +94,7 @@ def pos_zsw2(
 
     Args:
         task: Task of the positioner.
-        words: Setpoint words in force.
+        words: Setpoint words in effect.
         velocity: Demand velocity, rad/s.
         position: Measured position, LU.
         outputs: Direct outputs 1 and 2, as bits.

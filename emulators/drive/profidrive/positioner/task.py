@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from emulators.drive.core import ServoCore
-from emulators.drive.profidrive.positioner.config import PositionerSettings
+from emulators.drive.positioner_config import PositionerSettings
 from emulators.drive.profidrive.positioner.motion import Motion, ProfileMotion
 from emulators.drive.profidrive.positioner.terms import Mode, Refused, Words
 from fieldbus.profidrive.words import POS_STW2
@@ -23,19 +23,6 @@ class Task:
         settings: Scaling, limits, blocks.
 
     """
-
-    __slots__ = (
-        "core",
-        "homed",
-        "mode",
-        "motion",
-        "refusals",
-        "refused",
-        "settings",
-        "stop_reached",
-        "target_reached",
-        "wanted",
-    )
 
     def __init__(self, core: ServoCore, motion: ProfileMotion, settings: PositionerSettings) -> None:
         self.core = core
@@ -91,8 +78,8 @@ class Task:
         self.abandon()
 
     def place(self, angle: float, position: float) -> None:
-        """Call the place at a measured angle (rad) a position, LU; a relative task under way keeps its
-        way.
+        """Call the place at a measured angle (rad) a position, LU; a
+        relative task under way keeps its way.
         """
         offset = angle - position * self.motion.scale
         wanted = self.wanted
@@ -102,8 +89,8 @@ class Task:
         self.motion.offset = offset
 
     def absolute(self, target: float, sign: int) -> float | None:
-        """Return where an absolute target is, LU: of a modulo axis in the direction wanted, or on the shorter
-        way.
+        """Return where an absolute target is, LU: of a modulo axis in the direction
+        wanted, or on the shorter way.
 
         None, and the task is refused, when it is outside of the modulo range.
         """
@@ -135,5 +122,5 @@ class Task:
         return True
 
     def limited(self, words: Words) -> bool:
-        """Say whether the software limits are in force; a modulo axis has none."""
+        """Say whether the software limits are in effect; a modulo axis has none."""
         return self.homed and bool(words.pos_stw2 & _SOFTWARE_LIMITS) and not self.settings.modulo_range

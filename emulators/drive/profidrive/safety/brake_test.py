@@ -10,9 +10,9 @@ from typing import Final
 
 from emulators.drive.core import ServoCore
 from emulators.drive.profidrive.process_data import ProcessData
-from emulators.drive.profidrive.safety.config import SafeMotionConfig
 from emulators.drive.profidrive.safety.state import SafetyState
 from emulators.drive.profidrive.statemachine import AxisState, GeneralStateMachine
+from emulators.drive.safety_config import SafeMotionConfig
 from emulators.events import Emit
 from emulators.mechanics import AxisMechanics
 from fieldbus.clock import Scheduler, seconds_to_ns
@@ -27,8 +27,8 @@ _NOTHING_NM: Final = 1e-3
 
 
 class BrakeTest:
-    """The test, controlled by S_STW3B of telegram 701. It needs an axis in operation that stands, and a
-    brake.
+    """The test, controlled by S_STW3B of telegram 701. It needs an axis in
+    operation that stands, and a brake.
 
     Args:
         scheduler: Clock of the drive.
@@ -42,24 +42,6 @@ class BrakeTest:
         emit: Writes the result into the log.
 
     """
-
-    __slots__ = (
-        "_before",
-        "_config",
-        "_core",
-        "_data",
-        "_emit",
-        "_machine",
-        "_mechanics",
-        "_place",
-        "_pulled_ns",
-        "_result",
-        "_scheduler",
-        "_settle_brake",
-        "_state",
-        "_stw_at",
-        "word",
-    )
 
     def __init__(
         self,
@@ -75,7 +57,9 @@ class BrakeTest:
         emit: Emit,
     ) -> None:
         self._scheduler = scheduler
-        self._config = config
+        self._torque_Nm = config.sbt_torque_nm
+        self._pull_ns = seconds_to_ns(_RAMP_S + config.sbt_time_ms / 1000.0)
+        self._tolerance = config.sbt_tolerance_mm / 1000.0
         self._core = core
         self._mechanics = mechanics
         self._machine = machine
@@ -97,7 +81,7 @@ class BrakeTest:
         return self._stw_at >= 0
 
     def step(self) -> None:
-        """Evaluate S_STW3B, and go on with the test; once per bus cycle."""
+        """Evaluate S_STW3B, and continue with the test; once per bus cycle."""
         stw = self._data.row[self._stw_at] & 0xFFFF
         before, self._before = self._before, stw
         if not stw & SELECT:
@@ -114,7 +98,7 @@ class BrakeTest:
     def _begin(self) -> None:
         core = self._core
         self.word = SELECTED
-        torque = self._config.sbt_torque_Nm
+        torque = self._torque_Nm
         if not (torque and core.brake.fitted and self._machine.state is AxisState.S4 and core.standing):
             return
         self._state.testing_brake = True
@@ -127,22 +111,21 @@ class BrakeTest:
 
     def _go_on(self) -> None:
         core = self._core
-        config = self._config
         ramp = max(1, math.ceil(_RAMP_S / core.period_s))
         if self._machine.state is not AxisState.S4:
-            self._end()  # the stop of the drive goes on by itself
+            self._end()  # the stop of the drive continues by itself
         elif self._result:
             if abs(core.torque_demand) < _NOTHING_NM:
                 self._end()
-        elif abs((core.position - self._place) * self._mechanics.ratio) > config.sbt_tolerance:
+        elif abs((core.position - self._place) * self._mechanics.ratio) > self._tolerance:
             self._result = COMPLETED
             core.command_torque(0.0)
         elif self._pulled_ns < 0:
             if core.brake.closed:
                 self._pulled_ns = self._scheduler.now
                 sign = -1.0 if self._before & NEGATIVE else 1.0
-                core.command_torque(sign * config.sbt_torque_Nm, ramp)
-        elif self._scheduler.now - self._pulled_ns >= seconds_to_ns(_RAMP_S + config.sbt_time_s):
+                core.command_torque(sign * self._torque_Nm, ramp)
+        elif self._scheduler.now - self._pulled_ns >= self._pull_ns:
             self._result = GOOD | COMPLETED
             core.command_torque(0.0, ramp)
 

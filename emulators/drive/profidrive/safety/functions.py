@@ -1,9 +1,9 @@
 """Safety functions of a PROFIdrive axis: safe stopping, safe brake control, safe motion and position
 monitoring (CFG-443 to CFG-498).
 
-Stops that are selected, and those with which a violated function reacts, lead to the same three demands:
-torque off (STO, OFF2), ramp and then torque off (SS1, OFF3), ramp and then monitored standstill under control
-(SS2).
+Stops that are selected, and those with which a violated function reacts, lead to the same three
+demands: torque off (STO, OFF2), ramp and then torque off (SS1, OFF3), ramp and then monitored
+standstill under control (SS2).
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import Final
 
 from emulators.drive.core import RPM, ServoCore
-from emulators.drive.machine import SafetyConfig
 from emulators.drive.profidrive.config import DriveSettings
 from emulators.drive.profidrive.faults import catalogue as numbers
 from emulators.drive.profidrive.faults.catalogue import DriveWarning
@@ -20,10 +19,10 @@ from emulators.drive.profidrive.faults.state import FaultState, RaiseFault
 from emulators.drive.profidrive.modes import OperatingMode
 from emulators.drive.profidrive.process_data import ProcessData
 from emulators.drive.profidrive.safety.brake_test import BrakeTest
-from emulators.drive.profidrive.safety.config import SafeMotionConfig
 from emulators.drive.profidrive.safety.monitors import SafeMonitors
 from emulators.drive.profidrive.safety.state import SafetyState
 from emulators.drive.profidrive.statemachine import AxisState, GeneralStateMachine, Off
+from emulators.drive.safety_config import SafeMotionConfig
 from emulators.events import Emit
 from emulators.mechanics import AxisMechanics
 from fieldbus.clock import S, Scheduler, seconds_to_ns
@@ -45,8 +44,6 @@ class _Stop:
         monitored: Its ramp is watched.
 
     """
-
-    __slots__ = ("_core", "_limit", "_scheduler", "_start_ns", "_time_s", "done", "monitored", "ramp")
 
     def __init__(
         self, scheduler: Scheduler, core: ServoCore, time_s: float, *, ramp: bool, monitored: bool
@@ -78,61 +75,30 @@ class _Stop:
 
 
 class SafetyFunctions:
-    """Safe torque off acts as OFF2 without a fault, safe stop 1 as OFF3 and then as safe torque off; see the
-    module.
+    """Safe torque off acts as OFF2 without a fault, safe stop 1 as OFF3 and then as
+    safe torque off; see the module.
 
     Args:
         scheduler: Clock of the drive.
-        inputs: What the safety inputs do.
-        motion: Safe stop 2, safe motion monitoring and brake test.
-        settings: Parameters in force.
+        config: Safety functions.
+        settings: Parameters in effect.
         core: Servo core.
         mechanics: Machine.
         machine: General state machine.
         mode: Operating mode; it makes the ramp of safe stop 2.
         data: Setpoints of the telegram, for the brake test.
         faults: Faults and warnings.
-        state: What is in force; written here.
+        state: What is in effect; written here.
         raise_fault: Raises a fault of the drive.
         act: Lets the state machine react at once.
         emit: Writes events into the log.
 
     """
 
-    __slots__ = (
-        "_act",
-        "_core",
-        "_emit",
-        "_faults",
-        "_halted",
-        "_inputs",
-        "_machine",
-        "_mechanics",
-        "_mode",
-        "_motion",
-        "_raise_fault",
-        "_reaction",
-        "_scheduler",
-        "_settings",
-        "_ss1",
-        "_ss2",
-        "_state",
-        "_told",
-        "brake_test",
-        "messages",
-        "monitors",
-        "sbc_input",
-        "ss1_input",
-        "ss2_input",
-        "sto_input",
-        "watching",
-    )  # fmt: skip
-
     def __init__(
         self,
         scheduler: Scheduler,
-        inputs: SafetyConfig,
-        motion: SafeMotionConfig,
+        config: SafeMotionConfig,
         *,
         settings: DriveSettings,
         core: ServoCore,
@@ -147,8 +113,15 @@ class SafetyFunctions:
         emit: Emit,
     ) -> None:
         self._scheduler = scheduler
-        self._inputs = inputs
-        self._motion = motion
+        self._ss1_external = config.ss1_external
+        self._ss1_time_s = config.ss1_time_s
+        self._ss1_monitored = config.ss1_monitored
+        self._ss2_external = config.ss2_external
+        self._ss2_time_s = config.ss2_time_ms / 1000.0
+        self._ss2_monitored = config.ss2_monitored
+        self._sls_factor = config.sls_factor_percent / 100.0
+        self._faulty_sto = config.sto == "fault"
+        self._sbc = config.sbc
         self._settings = settings
         self._core = core
         self._mechanics = mechanics
@@ -159,10 +132,10 @@ class SafetyFunctions:
         self._raise_fault = raise_fault
         self._act = act
         self._emit = emit
-        self.monitors = SafeMonitors(scheduler, motion, core, mechanics)
+        self.monitors = SafeMonitors(scheduler, config, core, mechanics)
         self.brake_test = BrakeTest(
             scheduler,
-            motion,
+            config,
             core=core,
             mechanics=mechanics,
             machine=machine,
@@ -175,7 +148,7 @@ class SafetyFunctions:
         self._ss2: _Stop | None = None
         self._reaction = _NOTHING
         self._halted = False
-        self._told = 0
+        self._reported = 0
         self.sto_input = False
         self.sbc_input = False
         self.ss1_input = False
@@ -200,12 +173,12 @@ class SafetyFunctions:
 
     @property
     def ss2_active(self) -> bool:
-        """Whether safe stop 2 is in force."""
+        """Whether safe stop 2 is in effect."""
         return self._ss2 is not None
 
     @property
     def ss2_external(self) -> bool:
-        """Whether the safe stop 2 in force leaves the braking to the controller (SS2E)."""
+        """Whether the safe stop 2 in effect leaves the braking to the controller (SS2E)."""
         return self._ss2 is not None and not self._ss2.ramp
 
     @property
@@ -222,7 +195,7 @@ class SafetyFunctions:
 
     @property
     def torque_off(self) -> bool:
-        """Whether safe torque off is in force."""
+        """Whether safe torque off is in effect."""
         return self._state.torque_off
 
     @property
@@ -322,7 +295,7 @@ class SafetyFunctions:
     # -- control cycle ---------------------------------------------------------------------------------
 
     def watch(self) -> None:
-        """Watch what is in force; call in every control cycle while `watching`."""
+        """Watch what is in effect; call in every control cycle while `watching`."""
         if self._ss1 is not None and not self._ss1.done:
             self._watch_ss1(self._ss1)
         if self._ss2 is not None:
@@ -381,14 +354,13 @@ class SafetyFunctions:
 
     def _settle(self) -> None:
         """Bring into force what is selected and what reacts."""
-        common, own = self._inputs, self._motion
         reaction = self._reaction
         if not (self.ss1_input or reaction == _SS1):
             self._ss1 = None
         elif self._ss1 is None:
-            ramp = reaction == _SS1 or not own.ss1_external
+            ramp = reaction == _SS1 or not self._ss1_external
             self._ss1 = _Stop(
-                self._scheduler, self._core, common.ss1_time_s, ramp=ramp, monitored=common.ss1_monitored
+                self._scheduler, self._core, self._ss1_time_s, ramp=ramp, monitored=self._ss1_monitored
             )
             self._ss1.done = not self._core.enabled
         if not (self.ss2_input or reaction == _SS2):
@@ -396,9 +368,9 @@ class SafetyFunctions:
                 self._ss2 = None
                 self.monitors.release_position()
         elif self._ss2 is None or (reaction == _SS2 and not self._ss2.ramp):
-            ramp = reaction == _SS2 or not own.ss2_external
+            ramp = reaction == _SS2 or not self._ss2_external
             self._ss2 = _Stop(
-                self._scheduler, self._core, own.ss2_time_s, ramp=ramp, monitored=own.ss2_monitored
+                self._scheduler, self._core, self._ss2_time_s, ramp=ramp, monitored=self._ss2_monitored
             )
         torque_off = (
             self.sto_input or self.sbc_input or reaction == _STO or (self._ss1 is not None and self._ss1.done)
@@ -416,7 +388,7 @@ class SafetyFunctions:
         self.settle_brake()
         if changed:
             self._faults.warn(DriveWarning.SAFE_TORQUE_OFF, torque_off)
-            if torque_off and common.sto == "fault" and self._core.enabled and self._ss1 is None:
+            if torque_off and self._faulty_sto and self._core.enabled and self._ss1 is None:
                 self._raise_fault(numbers.SAFE_TORQUE_OFF)
                 self._faults.keep(numbers.SAFE_TORQUE_OFF, lambda: self._state.torque_off)
         self._tell()
@@ -424,15 +396,15 @@ class SafetyFunctions:
 
     def settle_brake(self) -> None:
         """Hold the brake closed as long as a function demands it."""
-        with_sto = self._state.torque_off and self._motion.sbc
+        with_sto = self._state.torque_off and self._sbc
         self._core.brake.forced_closed = self.sbc_input or with_sto or self._state.testing_brake
 
     # -- words -----------------------------------------------------------------------------------------
 
     def _tell(self) -> None:
         word = self.s_zsw1b()
-        if word != self._told:
-            self._told = word
+        if word != self._reported:
+            self._reported = word
             self._emit("drive.safety", word=word)
 
     def s_zsw1b(self) -> int:
@@ -461,26 +433,26 @@ class SafetyFunctions:
         )
 
     def s_zsw2b(self) -> int:
-        """Return S_ZSW2B: range and selection of safely limited position, permitted direction (CFG-494,
-        CFG-495).
+        """Return S_ZSW2B: range and selection of safely limited position,
+        permitted direction (CFG-494, CFG-495).
         """
         monitors = self.monitors
         number = monitors.slp_range
         return (number == 2) << 4 | (number > 0) << 7 | (monitors.sdi > 0) << 8 | (monitors.sdi < 0) << 9
 
     def s_zsw3b(self) -> int:
-        """Return S_ZSW3B: safe brake test, bit 11 safe stop 2 with braking by the controller (CFG-479,
-        CFG-484).
+        """Return S_ZSW3B: safe brake test, bit 11 safe stop 2 with braking by the
+        controller (CFG-479, CFG-484).
         """
         return self.ss2_external << 11 | self.brake_test.word
 
     def speed_limit(self) -> float:
-        """Return the limit of the speed setpoint at the motor, rad/s: 0 with a safe stop or safe direction
-        (CFG-442).
+        """Return the limit of the speed setpoint at the motor, rad/s: 0 with a safe
+        stop or safe direction (CFG-442).
         """
         monitors = self.monitors
         if self.stopping or monitors.sdi:
             return 0.0
         if monitors.sls_level:
-            return monitors.sls_limit * self._motion.sls_factor / abs(self._mechanics.ratio)
+            return monitors.sls_limit * self._sls_factor / abs(self._mechanics.ratio)
         return self._settings.max_speed_rpm * RPM

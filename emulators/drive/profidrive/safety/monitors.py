@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from emulators.drive.core import ServoCore
 from emulators.drive.profidrive.faults.catalogue import DriveWarning
-from emulators.drive.profidrive.safety.config import SafeMotionConfig
+from emulators.drive.safety_config import SafeMotionConfig
 from emulators.mechanics import AxisMechanics
 from fieldbus.clock import Scheduler, seconds_to_ns
 from fieldbus.errors import ConfigurationError
@@ -23,32 +23,21 @@ class SafeMonitors:
 
     """
 
-    __slots__ = (
-        "_config",
-        "_core",
-        "_furthest",
-        "_held",
-        "_mechanics",
-        "_reference",
-        "_scheduler",
-        "_sdi_ns",
-        "_slp_ns",
-        "_sls_ns",
-        "_sos_ns",
-        "_sos_selected",
-        "sdi",
-        "sdi_active",
-        "slp_active",
-        "slp_range",
-        "sls_active",
-        "sls_level",
-    )
-
     def __init__(
         self, scheduler: Scheduler, config: SafeMotionConfig, core: ServoCore, mechanics: AxisMechanics
     ) -> None:
         self._scheduler = scheduler
-        self._config = config
+        self._sos_delay_ns = seconds_to_ns(config.sos_delay_ms / 1000.0)
+        self._sos_tolerance = config.sos_tolerance_mm / 1000.0
+        self._sls_limits = tuple(limit / 1000.0 for limit in config.sls_limits_mm_s)
+        self._sls_delay_ns = seconds_to_ns(config.sls_delay_ms / 1000.0)
+        self._sls_reaction = config.sls_reaction
+        self._sdi_tolerance = config.sdi_tolerance_mm / 1000.0
+        self._sdi_delay_ns = seconds_to_ns(config.sdi_delay_ms / 1000.0)
+        self._sdi_reaction = config.sdi_reaction
+        self._slp_ranges = tuple((low / 1000.0, high / 1000.0) for low, high in config.slp_ranges_mm)
+        self._slp_delay_ns = seconds_to_ns(config.slp_delay_ms / 1000.0)
+        self._slp_reaction = config.slp_reaction
         self._core = core
         self._mechanics = mechanics
         self._sos_selected = False
@@ -84,7 +73,7 @@ class SafeMonitors:
     @property
     def sls_limit(self) -> float:
         """Limit of the selected level, m/s or rad/s of the load."""
-        return self._config.sls_limits[self.sls_level - 1]
+        return self._sls_limits[self.sls_level - 1]
 
     # -- selection -------------------------------------------------------------------------------------
 
@@ -110,7 +99,7 @@ class SafeMonitors:
 
     def select_sls(self, level: int | None) -> None:
         """Select a level of safely limited speed, None = deselect; see `SafetyFunctions.set_sls`."""
-        limits = self._config.sls_limits
+        limits = self._sls_limits
         if level is not None and not 1 <= level <= len(limits):
             raise ConfigurationError("safely limited speed, level", level, f"1..{len(limits)}")
         self.sls_level = 0 if level is None else level
@@ -127,9 +116,9 @@ class SafeMonitors:
 
     def select_slp(self, number: int | None) -> None:
         """Select a range of safely limited position, None = deselect; see `SafetyFunctions.set_slp`."""
-        ranges = self._config.slp_ranges
+        ranges = self._slp_ranges
         if number is not None and not 1 <= number <= len(ranges):
-            allowed = f"1..{len(ranges)}" if ranges else "slp_ranges in the configuration"
+            allowed = f"1..{len(ranges)}" if ranges else "slp_ranges_mm in the configuration"
             raise ConfigurationError("safely limited position, range", number, allowed)
         self.slp_range = number or 0
         self._slp_ns = self._scheduler.now
@@ -147,34 +136,33 @@ class SafeMonitors:
 
     def watch(self) -> tuple[DriveWarning, str] | None:
         """Look at the load; returns message and reaction of the first function that is violated."""
-        config = self._config
         now = self._scheduler.now
         core = self._core
         ratio = self._mechanics.ratio
         if self.sos_selected:
-            if self._reference is None and now - self._sos_ns >= seconds_to_ns(config.sos_delay_s):
+            if self._reference is None and now - self._sos_ns >= self._sos_delay_ns:
                 self._reference = core.position
             reference = self._reference
-            if reference is not None and abs((core.position - reference) * ratio) > config.sos_tolerance:
+            if reference is not None and abs((core.position - reference) * ratio) > self._sos_tolerance:
                 return DriveWarning.SAFE_STANDSTILL, "ss1"
         if self.sls_level:
-            if now - self._sls_ns >= seconds_to_ns(config.sls_delay_s):
+            if now - self._sls_ns >= self._sls_delay_ns:
                 self.sls_active = True
             if self.sls_active and abs(core.velocity * ratio) > self.sls_limit:
-                return DriveWarning.SAFE_SPEED, config.sls_reaction
+                return DriveWarning.SAFE_SPEED, self._sls_reaction
         if self.sdi:
             place = core.position * ratio * self.sdi
             if not self.sdi_active:
                 self._furthest = place
-                self.sdi_active = now - self._sdi_ns >= seconds_to_ns(config.sdi_delay_s)
+                self.sdi_active = now - self._sdi_ns >= self._sdi_delay_ns
             elif place > self._furthest:
                 self._furthest = place
-            elif self._furthest - place > config.sdi_tolerance:
-                return DriveWarning.SAFE_DIRECTION, config.sdi_reaction
+            elif self._furthest - place > self._sdi_tolerance:
+                return DriveWarning.SAFE_DIRECTION, self._sdi_reaction
         if self.slp_range:
-            if now - self._slp_ns >= seconds_to_ns(config.slp_delay_s):
+            if now - self._slp_ns >= self._slp_delay_ns:
                 self.slp_active = True
-            low, high = config.slp_ranges[self.slp_range - 1]
+            low, high = self._slp_ranges[self.slp_range - 1]
             if self.slp_active and not low <= self._mechanics.position <= high:
-                return DriveWarning.SAFE_POSITION, config.slp_reaction
+                return DriveWarning.SAFE_POSITION, self._slp_reaction
         return None

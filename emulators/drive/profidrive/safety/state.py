@@ -1,4 +1,4 @@
-"""What the safety functions of a PROFIdrive axis have in force."""
+"""What the safety functions of a PROFIdrive axis have in effect."""
 
 from __future__ import annotations
 
@@ -6,13 +6,11 @@ from __future__ import annotations
 class SafetyState:
     """Written by the safety functions, read by everything that they overrule."""
 
-    __slots__ = ("holding", "off", "testing_brake", "torque_off")
-
     def __init__(self) -> None:
         self.off = 0
         """Stop commands, bits of `Off`."""
         self.torque_off = False
-        """Safe torque off is in force."""
+        """Safe torque off is in effect."""
         self.holding = False
         """Safe stop 2 has taken the setpoints away: the axis brakes, or stands under control."""
         self.testing_brake = False

@@ -54,29 +54,6 @@ class ActiveHoming:
 
     """
 
-    __slots__ = (
-        "_approach",
-        "_approach_velocity",
-        "_axis",
-        "_direction",
-        "_finder",
-        "_heading",
-        "_home",
-        "_homing_velocity",
-        "_job",
-        "_kind",
-        "_limits",
-        "_mode",
-        "_motion",
-        "_offset",
-        "_path",
-        "_seen",
-        "_turned",
-        "_way",
-        "phase",
-        "reference",
-    )  # fmt: skip
-
     def __init__(
         self,
         axis: HomingObject,
@@ -95,9 +72,9 @@ class ActiveHoming:
         self._job = job
         self._home = home_position
         self._mode = mode
-        self._kind: int = read(f"{prefix}.Mode")
+        self._kind = axis.variables.read_int(f"{prefix}.Mode")
         self._path = prefix
-        self._offset: float = read(f"{prefix}.HomePositionOffset")
+        self._offset = read(f"{prefix}.HomePositionOffset")
         self._direction = -1 if read(f"{prefix}.Direction") else 1
         self._approach = -1 if read("Homing.ApproachDirection") else 1
         self._approach_velocity: float = axis.variables.bind("Homing.ApproachVelocity").value
@@ -108,8 +85,8 @@ class ActiveHoming:
         self._heading = 0
         self._turned: set[Phase] = set()
         self._seen = False
-        """Cam or input has been active since the motion *back* began, other than on the way in homing
-        direction.
+        """Cam or input has been active since the motion *back* began, other than
+        on the way in homing direction.
         """
         self._way = Way(axis.feedback)
         self._finder: MarkFinder | None = None
@@ -143,7 +120,7 @@ class ActiveHoming:
             search,
             mode=self._kind,
             direction=self._direction,
-            positive_side=axis.variables.read(f"{self._path}.SideInput"),
+            positive_side=axis.variables.read_bool(f"{self._path}.SideInput"),
             switch=on,
         )
         if axis.history is not None:
@@ -239,7 +216,7 @@ class ActiveHoming:
             self._enter(Phase.SEARCH, self._direction)
 
     def _turn(self) -> None:
-        """A limit switch is reached: go on in the other direction, or give up (HOM-108, HOM-114)."""
+        """A limit switch is reached: continue in the other direction, or give up (HOM-108, HOM-114)."""
         phase = self.phase
         towards_mark = self._heading == self._direction
         place = Phase.SEARCH if towards_mark else Phase.BACK
@@ -269,8 +246,8 @@ class ActiveHoming:
             axis.history.emit(axis.name, "homing.phase", phase=phase.name.lower(), direction=heading)
 
     def _arrive(self, mark: float) -> None:
-        """The mark has been passed at `mark`: from now on positions are those of the machine (HOM-081 to
-        HOM-083).
+        """The mark has been passed at `mark`: from now on positions are those of
+        the machine (HOM-081 to HOM-083).
         """
         axis = self._axis
         target = axis.modulo.homed(self._home)

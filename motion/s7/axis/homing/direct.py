@@ -1,5 +1,5 @@
-"""Direct homing: the coordinate system shifts, nothing moves (HOM-139 to HOM-167; modulo axes CFG-112 to
-CFG-123).
+"""Direct homing: the coordinate system shifts, nothing moves (HOM-139 to HOM-167;
+modulo axes CFG-112 to CFG-123).
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class HomingObject(Protocol):
         """Let everything but the encoders follow a shift of the coordinate system."""
 
     def ends_passive_homing(self) -> int | None:
-        """Return why passive homing cannot go on: an ErrorID, 0 = it is aborted, None = it can."""
+        """Return why passive homing cannot continue: an ErrorID, 0 = it is aborted, None = it can."""
 
     def alarm(self, number: int) -> None:
         """Raise a technology alarm."""

@@ -1,5 +1,5 @@
-"""Finding the homing mark while something moves: zero mark, zero mark behind a cam, edge of a digital input
-(§5.11.2).
+"""Finding the homing mark while something moves: zero mark, zero mark behind a cam,
+edge of a digital input (§5.11.2).
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ DIGITAL_INPUT: Final = 2
 """`ActiveHoming.Mode` and `PassiveHoming.Mode` (HOM-052, HOM-058)."""
 
 _STEPS: Final = 2
-"""Steps of the encoder by which it has to move back before its direction counts as another one: noise is no
-motion.
+"""Steps of the encoder by which it has to move back before its direction counts as
+another one: noise is no motion.
 """
 _MOMENT_S: Final = 0.1
 """Time within which that way has to be covered for something to be in motion at the start."""
@@ -33,8 +33,6 @@ class Way:
         feedback: The encoder.
 
     """
-
-    __slots__ = ("_extreme", "_feedback", "_play", "direction")
 
     def __init__(self, feedback: Feedback) -> None:
         self._feedback = feedback
@@ -68,19 +66,6 @@ class MarkFinder:
         switch: Whether the input is active now.
 
     """
-
-    __slots__ = (
-        "_began",
-        "_direction",
-        "_feedback",
-        "_mine",
-        "_mode",
-        "_on_cam",
-        "_positive_side",
-        "_search",
-        "_switch",
-        "_way",
-    )
 
     def __init__(
         self,

@@ -28,8 +28,6 @@ class PassiveHoming:
 
     """
 
-    __slots__ = ("_finder", "_job", "_mode", "_owner", "_path", "_way", "reference")
-
     def __init__(self, owner: HomingObject, job: Job, position: float, mode: int) -> None:
         self._owner = owner
         self._job = job
@@ -38,7 +36,7 @@ class PassiveHoming:
         """`ReferenceMarkPosition`."""
         self._path = path = f"{owner.sensor_path(owner.operative_sensor)}.PassiveHoming"
         read = owner.variables.read
-        kind: int = read(f"{path}.Mode")
+        kind = owner.variables.read_int(f"{path}.Mode")
         if owner.incremental and mode != 2:
             owner.homed = False
         search = owner.feedback.source.mark
@@ -47,8 +45,8 @@ class PassiveHoming:
             owner.feedback,
             search,
             mode=kind,
-            direction=_DIRECTIONS[read(f"{path}.Direction")],
-            positive_side=read(f"{path}.SideInput"),
+            direction=_DIRECTIONS[owner.variables.read_int(f"{path}.Direction")],
+            positive_side=owner.variables.read_bool(f"{path}.SideInput"),
             switch=owner.homing_switch(path),
         )
         if owner.simulated:
@@ -65,7 +63,7 @@ class PassiveHoming:
                     job=job.name,
                     mode=mode,
                     mark=kind,
-                    direction=_DIRECTIONS[read(f"{path}.Direction")],
+                    direction=_DIRECTIONS[owner.variables.read_int(f"{path}.Direction")],
                     level=read(f"{path}.SwitchLevel"),
                     approach=0.0,
                     homing=0.0,
