@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -24,6 +23,7 @@ _SIGNALS: Final = (
     signal.SIGTERM,
     *((signal.SIGHUP,) if hasattr(signal, "SIGHUP") else ()),
 )
+_STANDARD_ERROR: Final = 2
 _asked_s: float | None = None
 
 
@@ -41,8 +41,10 @@ def asked() -> bool:
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
     if _asked_s is not None and time.monotonic() - _asked_s < ORDERLY_S:
+        # Not through sys.stderr: a handler that interrupts a write of the same stream is refused with
+        # RuntimeError, and that would end the command.
         with suppress(OSError):  # the terminal may be gone
-            sys.stderr.write("ending\n")
+            os.write(_STANDARD_ERROR, b"ending\n")
         return
     note()
     signal.default_int_handler(number, frame)
