@@ -187,8 +187,7 @@ class Runner:
         bench = self._bench_for(selected)
         file = bench_of(bench)
         limit_s = options.wall_limit_s or selected.case.wall_limit_s
-        live = getattr(file, "kind", "virtual") != "virtual"
-        runs = 1 + LIVE_REPETITIONS if live else 1 + options.twice
+        runs = 1 + LIVE_REPETITIONS if _is_live(file) else 1 + options.twice
         return Order(
             identifier=selected.case.identifier,
             campaign=selected.campaign,
@@ -257,7 +256,9 @@ class Runner:
         jobs = min(self._jobs, number)
         if jobs == 1:
             return InProcess({name: selected.case for name, selected in self._cases.items()})
-        return LocalProcesses(jobs)
+        # Two cases on the same bus would disturb each other.
+        alone = any(_is_live(bench_of(self._bench_for(selected))) for selected in self._cases.values())
+        return LocalProcesses(1 if alone else jobs)
 
     def _result_of(self, finished: Finished) -> CaseResult:
         order, parcel = finished.order, finished.parcel
@@ -288,6 +289,11 @@ class Runner:
 def _title(cases: Sequence[Selected]) -> str:
     groups = list(dict.fromkeys(selected.case.group for selected in cases))
     return ", ".join(groups[:3]) + (" and others" if len(groups) > 3 else "")
+
+
+def _is_live(file: object) -> bool:
+    """Return whether a bench runs on a bus that others may be on; a bench file of a user need not tell."""
+    return getattr(file, "kind", "virtual") != "virtual"
 
 
 def _part(shard_text: str) -> str:

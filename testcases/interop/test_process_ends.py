@@ -27,6 +27,17 @@ for number in range(4):
         ctx.run_for(10**5)
 """
 
+TWO_CASES = """
+from hil import Campaign
+C = Campaign("two")
+for number in range(2):
+    @C.case(f"number {number}")
+    def short(ctx):
+        print("begin", file=open("order", "a"), flush=True)
+        ctx.run_for(0.3)
+        print("end", file=open("order", "a"), flush=True)
+"""
+
 
 def children_of(process: int) -> set[int]:
     """Return the processes below `process`, at any depth."""
@@ -118,7 +129,7 @@ def test_ctrl_c_twice_ends_a_run_in_order(tmp_path, pause_s):
         if pause_s is not None:
             time.sleep(pause_s)
             run.process.send_signal(signal.SIGINT)
-        assert run.process.wait(PATIENCE_S) == 2
+        assert run.process.wait(PATIENCE_S) == 2, run.lines
         run.join()
     finally:
         run.kill()
@@ -135,13 +146,27 @@ def test_ctrl_c_twice_in_a_terminal_ends_workers_and_drives(tmp_path, live_bench
         for _ in range(2):
             os.killpg(run.process.pid, signal.SIGINT)
             time.sleep(0.1)
-        assert run.process.wait(PATIENCE_S) == 2
+        assert run.process.wait(PATIENCE_S) == 2, run.lines
         run.join()
         wait_until(lambda: not any(alive(process) for process in below), f"{below} have ended")
     finally:
         run.kill()
     assert not any("Traceback" in line for line in run.lines), run.lines
     assert (tmp_path / "report" / "report.html").exists()
+
+
+def test_cases_on_a_live_bench_run_one_at_a_time(tmp_path, live_bench):
+    """Two worker processes do not put two cases on the same bus."""
+    (tmp_path / "two.py").write_text(TWO_CASES, encoding="utf-8")
+    command = [*hil_command(), "run", "two.py", "--report", "report", "--bench", live_bench, "--jobs", "2"]
+    run = Reader(command, stream="stderr", cwd=tmp_path)
+    try:
+        code = run.process.wait(PATIENCE_S)
+        run.join()
+    finally:
+        run.kill()
+    assert code == 0, run.lines
+    assert (tmp_path / "order").read_text().split() == ["begin", "end", "begin", "end"]
 
 
 def test_ctrl_c_twice_ends_an_emulation_in_order(tmp_path):
