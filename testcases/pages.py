@@ -116,7 +116,7 @@ class PageRun:
             name: value for name, value in os.environ.items() if not name.startswith(("PYTEST_", "GITHUB_"))
         }
         environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-        environment.update(COLUMNS="120", NO_COLOR="1", PYTHONDONTWRITEBYTECODE="1")
+        environment.update(COLUMNS="120", NO_COLOR="1")
         done = subprocess.run(
             ["bash", "-e", "-c", block.text],
             cwd=self.folder,
