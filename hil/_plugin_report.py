@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ from hil._plugin_cases import CaseTest
 from hil._plugin_settings import REQUIREMENT, evidence_wanted, run_seed, shortest, workers_folder
 from hil._plugin_source import source_digest
 from hil._plugin_words import crash_text, example_of
-from hil._requirements import complete
+from hil._requirements import Requirement, complete
 from hil.campaign import environment_facts
 from hil.campaign._evidence import build_alarms, build_faults, build_messages, build_signals, build_story
 from hil.campaign._execute import Execution
@@ -235,7 +235,7 @@ def finish_report(
     alone: bool,
     crashed: Mapping[str, str],
     history: str,
-    catalogue: Path | None = None,
+    own: Sequence[Requirement] = (),
 ) -> Path | None:
     """Gather the runs of the xdist workers and write the report; for the main process.
 
@@ -246,13 +246,13 @@ def finish_report(
         alone: Whether tests of this process have used a bench; otherwise those of workers may have.
         crashed: What is said of tests that have taken their worker along.
         history: File of the history of runs; empty: that of the folder; `none`: none.
-        catalogue: Requirements of the user, which lead the report.
+        own: Requirements of the user, which lead the report.
 
     """
     if not _gather(directory, crashed) and not alone:
         return None
     run = load_run(directory, lazy=True)
-    complete(run, catalogue)
+    complete(run, own)
     background = kept(run, directory, history)
     return write_report(run, directory, background=background).report
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import pytest
+
+if TYPE_CHECKING:
+    from hil._requirements import Requirement
 
 REQUIREMENT: Final = "requirement"
 """Marker with identifiers of the specification, and the name of the property that carries them."""
@@ -64,8 +67,8 @@ def add_markers(config: pytest.Config) -> None:
     )
 
 
-def own_catalogue(config: pytest.Config) -> Path | None:
-    """Return the file with requirements of the user; None: there is none.
+def own_requirements_of(config: pytest.Config) -> list[Requirement]:
+    """Return the requirements of the user's catalogue; none where there is no catalogue.
 
     Raises:
         pytest.UsageError: It cannot be read.
@@ -73,16 +76,14 @@ def own_catalogue(config: pytest.Config) -> Path | None:
     """
     name = str(config.getoption("--hil-catalogue") or config.getini("hil_catalogue"))
     if not name:
-        return None
-    from hil._own_catalogue import load_catalogue
+        return []
+    from hil._requirements import own_requirements
     from hil.errors import CannotRunError
 
-    path = config.rootpath / name
     try:
-        load_catalogue(path)
+        return own_requirements(config.rootpath / name)
     except CannotRunError as error:
         raise pytest.UsageError(str(error)) from None
-    return path
 
 
 def run_seed(config: pytest.Config) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -40,31 +41,29 @@ def requirements() -> tuple[Requirement, ...]:
     )
 
 
-def own_requirements(catalogue: Path) -> list[Requirement]:
-    """Return the requirements of a catalogue of the user.
+def own_requirements(catalogue: Path | None) -> list[Requirement]:
+    """Return the requirements of a catalogue of the user; none without a catalogue.
 
     Raises:
         CannotRunError: It cannot be read.
 
     """
+    if catalogue is None:
+        return []
     return [
         Requirement(entry.identifier, entry.title, entry.section, catalogue.name)
         for entry in load_catalogue(catalogue)
     ]
 
 
-def complete(run: RunResult, catalogue: Path | None = None) -> None:
+def complete(run: RunResult, own: Sequence[Requirement] = ()) -> None:
     """Give a run the catalogues against which its report shows coverage: requirements and fault kinds.
 
     Args:
         run: The run.
-        catalogue: Requirements of the user, which come first; None: none.
-
-    Raises:
-        CannotRunError: The catalogue cannot be read.
+        own: Requirements of the user, which come first.
 
     """
-    own = [] if catalogue is None else own_requirements(catalogue)
     taken = {entry.identifier for entry in own}
     run.requirements = [RequirementInfo(*entry, own=True) for entry in own] + [
         RequirementInfo(entry.identifier, entry.title, entry.section, entry.document)

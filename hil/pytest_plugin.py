@@ -26,7 +26,7 @@ from hil._plugin_settings import (
     bench_of_mark,
     bench_reference,
     check_options,
-    own_catalogue,
+    own_requirements_of,
     report_folder,
     requirements_of,
     run_seed,
@@ -38,6 +38,7 @@ from hil._plugin_tests import TestRecord
 if TYPE_CHECKING:
     from hil._plugin_report import PluginReport
     from hil._plugin_results import RequirementLog
+    from hil._requirements import Requirement
     from hil.bench import BenchFile
     from hil.bench.bench import Bench
     from hil.faults import Injector
@@ -73,6 +74,10 @@ class Session:
         """Tests that have taken their xdist worker along, with what xdist says of it."""
         self._broken: list[str] = []
         """Why the reports of xdist workers are not complete."""
+        self._own: list[Requirement] = []
+        """Requirements of the user, which lead the report."""
+        if report_folder(config) is not None and not self._worker:
+            self._own = own_requirements_of(config)
         self._written: Path | None = None
         """The report, once it is written."""
         self.record: TestRecord | None = None
@@ -262,7 +267,7 @@ class Session:
             alone=report is not None and report.started,
             crashed=self._crashed,
             history=str(self._config.getoption("--hil-history")),
-            catalogue=own_catalogue(self._config),
+            own=self._own,
         )
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:

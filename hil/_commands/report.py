@@ -8,7 +8,7 @@ from pathlib import Path
 from hil._commands.run import exit_code, finish, tell
 from hil._commands.terminal import print_json
 from hil._outputs import check_summary, give_summary, kept
-from hil._own_catalogue import load_catalogue
+from hil._requirements import own_requirements
 from hil.campaign._runner import clear_run
 from reports import load_run, merge_runs, summary
 from reports.merge import in_order
@@ -31,8 +31,7 @@ def report_runs(
     A single source that is the folder itself gets a new report. A run that the history has already is not
     recorded again. The curves of the run in `against` can be laid under those of the same cases.
     """
-    if catalogue is not None:
-        load_catalogue(catalogue)
+    own = own_requirements(catalogue)
     check_summary(digest, as_json=as_json)
     if [source.resolve() for source in sources] == [directory.resolve()]:
         run = load_run(directory, lazy=True)
@@ -45,7 +44,7 @@ def report_runs(
         run = merge_runs(sources, directory)
     background = kept(run, directory, history)
     earlier = {} if against is None else curves_of(load_run(against, lazy=True), f"run in {against}")
-    paths = finish(run, directory, background, earlier, catalogue)
+    paths = finish(run, directory, background, earlier, own)
     give_summary(digest, run, background, paths)
     if as_json:
         print_json(summary(run, report=str(paths.report), junit=str(paths.junit)))

@@ -110,7 +110,7 @@ def show_requirements(
     With a catalogue of the user its families come first, and families of the product that nothing covers are
     one line.
     """
-    own = [] if catalogue is None else own_requirements(catalogue)
+    own = own_requirements(catalogue)
     first = {entry.prefix for entry in own}
     if folder is not None and rerun:
         raise CannotRunError("--rerun runs the test-suite, a folder holds a run: allowed is one of the two")

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, cast
 
 from hil._commands.terminal import CaseProgress, console, print_json, quiet_stdout
 from hil._outputs import check_summary, give_summary, kept
-from hil._own_catalogue import load_catalogue
-from hil._requirements import complete
+from hil._requirements import Requirement, complete, own_requirements
 from hil.campaign import (
     SHIPPED,
     Runner,
@@ -66,12 +65,11 @@ class RunRequest:
 
 def run_campaigns(request: RunRequest) -> int:
     """Run, report, and return the exit code."""
-    if request.catalogue is not None:
-        load_catalogue(request.catalogue)  # what is wrong with it is said before anything runs
+    own = own_requirements(request.catalogue)  # what is wrong with it is said before anything runs
     check_summary(request.summary, as_json=request.as_json)
     if request.evidence not in _KEEP:
         raise CannotRunError(f"--evidence {request.evidence!r} is not allowed; allowed: {', '.join(_KEEP)}")
-    return run_selected(selected(request), request)
+    return run_selected(selected(request), request, own)
 
 
 def selected(request: RunRequest) -> list[Selected]:
@@ -193,8 +191,8 @@ def parse_jobs(text: str) -> int:
     return int(text)
 
 
-def run_selected(cases: list[Selected], request: RunRequest) -> int:
-    """Run the given cases; the part that replay shares."""
+def run_selected(cases: list[Selected], request: RunRequest, own: Sequence[Requirement]) -> int:
+    """Run the given cases and return the exit code; `own`: requirements of the user."""
     if request.twice:
         _refuse_live(cases, request.bench)
     options = RunOptions(
@@ -216,7 +214,7 @@ def run_selected(cases: list[Selected], request: RunRequest) -> int:
         with CaseProgress(len(mine), groups=groups, verbose=request.verbose) as progress:
             run = Runner(cases, options, on_result=progress.case_done).run()
         background = kept(run, request.report, request.history)
-        paths = finish(run, request.report, background, catalogue=request.catalogue)
+        paths = finish(run, request.report, background, own=own)
     give_summary(request.summary, run, background, paths)
     if request.as_json:
         print_json(summary(run, report=str(paths.report), junit=str(paths.junit)))
@@ -238,12 +236,12 @@ def finish(
     directory: Path,
     background: Background | None = None,
     earlier: Mapping[str, Earlier] | None = None,
-    catalogue: Path | None = None,
+    own: Sequence[Requirement] = (),
 ) -> ReportPaths:
     """Write the report of a run; `earlier`: runs of its cases to compare with, instead of last passes;
-    `catalogue`: requirements of the user.
+    `own`: requirements of the user.
     """
-    complete(run, catalogue)
+    complete(run, own)
     return write_report(run, directory, background=background, earlier=earlier)
 
 

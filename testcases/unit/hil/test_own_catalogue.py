@@ -5,7 +5,7 @@ import json
 import pytest
 
 from hil._own_catalogue import load_catalogue
-from hil._requirements import complete
+from hil._requirements import complete, own_requirements
 from hil.cli import main
 from hil.errors import CannotRunError
 from reports.coverage import family_of, prefix_totals, requirement_matrix
@@ -89,7 +89,7 @@ def test_a_reqif_file_gives_its_objects_and_headings(tmp_path):
         ("own.reqif", '<!DOCTYPE a [<!ENTITY b "c">]><REQ-IF/>', "no document type and no entities"),
     ],
 )
-def test_a_catalogue_that_cannot_be_used_is_told_with_file_and_line(tmp_path, name, text, words):
+def test_a_catalogue_that_cannot_be_used_is_refused_with_file_and_line(tmp_path, name, text, words):
     """The message names the file, the place in it, and what is wrong."""
     path = tmp_path / name
     path.write_text(text)
@@ -105,7 +105,7 @@ def test_own_requirements_lead_the_report(tmp_path):
     path.write_text("id,title\nZZ-2,Own\nZZ-1,Own too\n")
     run = sample_run()
     run.cases[0].requirements.append("ZZ-2")
-    complete(run, path)
+    complete(run, own_requirements(path))
     rows = requirement_matrix(run)
     assert [(row.identifier, row.known, row.own) for row in rows[:2]] == [
         ("ZZ-2", True, True),
@@ -136,3 +136,15 @@ def test_the_command_lists_own_families_first_and_folds_the_others(pytester, cap
     }
     assert main(["run", "stop_modes", "--catalogue", "none.csv"]) == 2
     assert "none.csv: cannot be read" in capsys.readouterr().err
+
+
+def test_pytest_refuses_a_wrong_catalogue_before_any_test(pytester):
+    """The mistake is one line with file and place, and nothing runs, with option and setting alike."""
+    pytester.makepyfile("def test_nothing(bench):\n    raise AssertionError('ran')\n")
+    (pytester.path / "own.csv").write_text("number,title\n1,x\n")
+    pytester.makeini("[pytest]\nhil_catalogue = own.csv\n")
+    for option in ((), ("--hil-catalogue", "own.csv")):
+        done = pytester.runpytest_inprocess("-p", "no:cacheprovider", "--hil-report", "report", *option)
+        assert done.ret == pytest.ExitCode.USAGE_ERROR
+        done.stderr.fnmatch_lines(["*own.csv: line 1: no column has the identifiers*"])
+        done.stdout.no_fnmatch_line("*ran*")
