@@ -106,22 +106,22 @@ class UnknownAttributeError(AttributeError):
     The message, which is made only when somebody reads it, says what to use instead, or names similar ones.
 
     Args:
-        owner: The object.
+        owners: The object, and others whose attributes it has as well.
         attribute: The name as given.
         what: How the message calls the object; empty: by its class.
         instead: What to use instead, where that is known.
 
     """
 
-    def __init__(self, owner: object, attribute: str, *, what: str = "", instead: str = "") -> None:
-        super().__init__(attribute)
-        self._owner = owner
+    def __init__(self, *owners: object, attribute: str, what: str = "", instead: str = "") -> None:
+        super().__init__(attribute, name=attribute, obj=owners[0])
+        self._owners = owners
         self._attribute = attribute
-        self._what = what or type(owner).__name__
+        self._what = what or type(owners[0]).__name__
         self._instead = instead
 
     def __str__(self) -> str:
-        public = [one for one in dir(self._owner) if not one.startswith("_")]
+        public = [one for owner in self._owners for one in dir(owner) if not one.startswith("_")]
         hint = f"use {self._instead}" if self._instead else similar_names(self._attribute, public)
         return f"{self._what} has no {self._attribute!r}" + (f"; {hint}" if hint else "")
 

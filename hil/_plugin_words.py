@@ -14,6 +14,7 @@ import pluggy
 import pytest
 
 from fieldbus.errors import HilError
+from hil._plugin_tests import FIXTURES
 from motion_hil import PACKAGES
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ _INTERNAL: Final = tuple(str(Path(str(one.__file__)).parent) + os.sep for one in
 _BARE: Final = re.compile(r"assert (not )?(True|False|None|0)$")
 _WHERE: Final = re.compile(r"^ \+  where (.*)$", re.MULTILINE)
 _REPRODUCE: Final = re.compile(r"@reproduce_failure\('([^']+)', (b'[^']*'|b\"[^\"]*\")\)")
-_FIXTURES: Final = ("bench", "axis", "drive", "faults", "trace", "hil_bench_file")
 
 
 def explain(error: BaseException, *, wait: str, statement: str, waiting: list[str]) -> None:
@@ -89,7 +89,7 @@ def explain_health_check(error: BaseException) -> None:
         return
     text = str(error.args[0])
     found = re.search(r"function-scoped fixture '(\w+)'", text)
-    if found is not None and found[1] in _FIXTURES:
+    if found is not None and found[1] in FIXTURES:
         shown = (
             f"{found[1]} is one bench for all examples: take the fixture new_bench and build a bench in "
             "every example, bench = new_bench()"

@@ -132,7 +132,9 @@ class CurrentTrace:
 
         def __getattr__(self, name: str) -> object:
             """Name methods that are similar to one that does not exist."""
-            raise UnknownAttributeError(self, name, what="the trace", instead=_INSTEAD.get(name, ""))
+            raise UnknownAttributeError(
+                self, attribute=name, what="the trace", instead=_INSTEAD.get(name, "")
+            )
 
     def names(self) -> list[str]:
         """Return the names of all signals."""

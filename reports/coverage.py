@@ -141,18 +141,16 @@ def stop_reactions(case: CaseResult) -> list[str]:
     """Return what the axes did when they were commanded to stop: the states that they went through until the
     next instruction, `disabling ramp, disabled`, each chain once.
     """
-    found: dict[str, None] = {}
-    chains: dict[str, list[str]] | None = None
+    stops: list[dict[str, list[str]]] = []
+    watched = False
     for step in case.story:
         if step.kind == "do":
-            if chains:
-                found |= dict.fromkeys(", ".join(states) for states in chains.values())
-            chains = {} if _STOPPED.search(step.text) else None
-        elif chains is not None and (match := _AXIS_STATE.fullmatch(step.text)):
-            chains.setdefault(match["axis"], []).append(match["state"].lower().replace("_", " "))
-    if chains:
-        found |= dict.fromkeys(", ".join(states) for states in chains.values())
-    return list(found)
+            watched = bool(_STOPPED.search(step.text))
+            if watched:
+                stops.append({})
+        elif watched and (match := _AXIS_STATE.fullmatch(step.text)):
+            stops[-1].setdefault(match["axis"], []).append(match["state"].lower().replace("_", " "))
+    return list(dict.fromkeys(", ".join(states) for stop in stops for states in stop.values()))
 
 
 def fault_kinds(run: RunResult) -> list[str]:

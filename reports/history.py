@@ -27,7 +27,8 @@ HISTORY_FILE: Final = "history.sqlite"
 """Name of the history in a report folder."""
 _FORMAT: Final = 2
 _APPLICATION: Final = 0x48494C31
-_WAIT_S: Final = 30.0
+WAIT_S: Final = 30.0
+"""How long to wait for another process that holds the file, s."""
 _SCHEMA: Final = """
 CREATE TABLE run (
   number INTEGER PRIMARY KEY AUTOINCREMENT, started TEXT NOT NULL, title TEXT NOT NULL, seed TEXT NOT NULL,
@@ -127,7 +128,7 @@ class History:
             raise HistoryError(f"{self.path}: no history here; `hil run` makes one")
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._base = sqlite3.connect(self.path, timeout=_WAIT_S, isolation_level=None)
+            self._base = sqlite3.connect(self.path, timeout=WAIT_S, isolation_level=None)
         except (OSError, sqlite3.Error) as error:
             raise HistoryError(f"{self.path}: cannot be opened: {error}") from error
         try:
@@ -213,11 +214,11 @@ class History:
             base.execute("DELETE FROM run WHERE number = ?", (old,))
         values = (
             run.started,
-            _text(run.title),
+            storable_text(run.title),
             str(run.seed),
-            _text(run.bench_name),
+            storable_text(run.bench_name),
             _digest(run.bench_text),
-            _text(run.environment.get("motion-hil", "")),
+            storable_text(run.environment.get("motion-hil", "")),
             run_state(run),
             run.interrupted,
             *_counts(run),
@@ -236,25 +237,32 @@ class History:
         assert number is not None
         names = _Names(base)
         for case in run.cases:
-            name = names[_text(case.identifier)]
+            name = names[storable_text(case.identifier)]
             base.execute(
                 "INSERT OR REPLACE INTO result VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 (
                     number,
                     name,
                     case.verdict.value,
-                    _text(headline(case)),
-                    _text(case.token),
+                    storable_text(headline(case)),
+                    storable_text(case.token),
                     _finite(case.simulated_s),
                     _finite(case.wall_s),
-                    _text(case.trace_digest),
-                    _text(case.source),
+                    storable_text(case.trace_digest),
+                    storable_text(case.source),
                 ),
             )
             base.executemany(
                 "INSERT OR REPLACE INTO measure VALUES (?, ?, ?, ?, ?, ?)",
                 [
-                    (number, name, names[_text(one.name)], one.value, _text(one.unit), one.tolerance)
+                    (
+                        number,
+                        name,
+                        names[storable_text(one.name)],
+                        one.value,
+                        storable_text(one.unit),
+                        one.tolerance,
+                    )
                     for one in measures(case)
                 ],
             )
@@ -285,7 +293,7 @@ class History:
                 str(run.seed),
                 _digest(run.bench_text),
                 run_digest(run),
-                _text(run.title),
+                storable_text(run.title),
                 run.interrupted,
                 *_counts(run),
             ),
@@ -328,7 +336,7 @@ class History:
 
     def past(self, identifier: str) -> list[PastCase]:
         """Return all results of a case, newest first."""
-        return self._cases(" WHERE text = ? ORDER BY run DESC", (_text(identifier),))
+        return self._cases(" WHERE text = ? ORDER BY run DESC", (storable_text(identifier),))
 
     def before(self, run: int, depth: int = 10) -> dict[str, list[PastCase]]:
         """Return the earlier results of the cases of a run, newest first, at most `depth` of each."""
@@ -419,7 +427,7 @@ def _counts(run: RunResult) -> list[int]:
 def _database_error(error: sqlite3.Error, what: str) -> str:
     """Return what is wrong with a file."""
     if getattr(error, "sqlite_errorname", "").startswith("SQLITE_BUSY"):
-        return f"another process has held it for {_WAIT_S:g} s: {error}"
+        return f"another process has held it for {WAIT_S:g} s: {error}"
     return f"{what}: {error}"
 
 
@@ -428,7 +436,7 @@ def _number(base: sqlite3.Connection, query: str) -> int:
         return int(answer.fetchone()[0])
 
 
-def _text(value: str) -> str:
+def storable_text(value: str) -> str:
     """Return text that the database can hold: a lone surrogate has no UTF-8."""
     return value.encode("utf-8", "replace").decode("utf-8")
 

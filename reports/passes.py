@@ -12,7 +12,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Final
 
-from reports.history import HistoryError
+from reports.history import WAIT_S, HistoryError, storable_text
 from reports.model import CaseResult, Earlier, RunResult, Verdict
 
 POINTS: Final = 600
@@ -22,7 +22,6 @@ CREATE TABLE IF NOT EXISTS last_pass (
   name TEXT NOT NULL, bench TEXT NOT NULL, started TEXT NOT NULL, trace_digest TEXT NOT NULL,
   curves TEXT NOT NULL, PRIMARY KEY (name, bench)) WITHOUT ROWID
 """
-_WAIT_S: Final = 30.0
 
 
 def remember_passes(run: RunResult, path: str | Path) -> dict[str, Earlier]:
@@ -45,7 +44,7 @@ def remember_passes(run: RunResult, path: str | Path) -> dict[str, Earlier]:
             base.execute("SELECT name, trace_digest FROM last_pass WHERE bench = ?", (run.bench_name,))
         )
         for case in run.cases:
-            name = case.identifier.encode("utf-8", "replace").decode()
+            name = storable_text(case.identifier)
             if case.verdict is Verdict.PASSED:
                 if case.signals and (not case.trace_digest or known.get(name) != case.trace_digest):
                     row = (name, run.bench_name, run.started, case.trace_digest, _curves(case))
@@ -80,7 +79,7 @@ def _curves(case: CaseResult) -> str:
 def _opened(path: Path) -> Iterator[sqlite3.Connection]:
     """Open the file and write what was done when all of it went well."""
     try:
-        with closing(sqlite3.connect(path, timeout=_WAIT_S)) as base, base:
+        with closing(sqlite3.connect(path, timeout=WAIT_S)) as base, base:
             base.execute(_SCHEMA)
             yield base
     except sqlite3.Error as error:

@@ -505,7 +505,7 @@ class Bench:
                 from motion.s7.handles import AxisHandle
 
                 instead = f"bench.axis().{name}: it belongs to an axis" if hasattr(AxisHandle, name) else ""
-            raise UnknownAttributeError(self, name, what="the bench", instead=instead)
+            raise UnknownAttributeError(self, attribute=name, what="the bench", instead=instead)
 
     def __repr__(self) -> str:
         return f"<Bench {self.config.bench.name!r} at {self.now_s:.3f} s: {self.summary()}>"

@@ -1193,6 +1193,8 @@ WITH_SWITCHES: Final = (
     PulseDriveTable,
 )
 """Drives with a machine and switches on its travel."""
+WITH_RAMPS: Final = (Cia402DriveTable, ProfidriveCanTable, ProfidriveModbusTable, PulseDriveTable)
+"""Drives with a ramp for OFF1 and one for OFF3."""
 AnyDrive = Annotated[
     Annotated[Cia402DriveTable, Tag("cia402")]
     | Annotated[ProfidriveCanTable, Tag("profidrive on CAN")]

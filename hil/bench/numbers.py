@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from fieldbus.clock import S
 from fieldbus.errors import ConfigurationError
+from hil.bench.drive_config import WITH_RAMPS, AnalogDriveTable
 from hil.expect.golden import ReferenceAxis
 
 if TYPE_CHECKING:
@@ -27,12 +28,14 @@ def axis_numbers(config: BenchConfig, axis: AxisHandle, cycle_ns: int) -> Refere
     """
     drive = config.axis[axis.name].drive
     section = config.drive[drive]
-    off3_s: float | None = getattr(section, "off3_ramp_s", None)
-    if off3_s is None:
+    if isinstance(section, WITH_RAMPS):
+        off1_s, off3_s = section.off1_ramp_s, section.off3_ramp_s
+    elif isinstance(section, AnalogDriveTable):
+        off1_s = off3_s = section.off3_ramp_s  # it has one ramp
+    else:
         raise ConfigurationError(
             "bench.golden", axis.name, f"an axis whose drive has ramps; {drive} has none"
         )
-    off1_s: float = getattr(section, "off1_ramp_s", off3_s)
 
     def read(path: str) -> float:
         return float(axis.var(path))

@@ -21,11 +21,8 @@ from hil.bench._models import keys_of
 from hil.bench.axis_config import OBJECTS
 from hil.bench.config import SWITCH_LEVELS
 from hil.bench.drive_config import (
+    WITH_RAMPS,
     WITH_SWITCHES,
-    Cia402DriveTable,
-    ProfidriveCanTable,
-    ProfidriveModbusTable,
-    PulseDriveTable,
 )
 from hil.expect.golden import drive_ramp, stop_ramp, switch_clearance
 from motion.s7.axis.assembly import mechanics_of
@@ -46,7 +43,6 @@ _SAME: Final = 1e-6
 _SIDES: Final = ("negative", "positive")
 _REMOVES_ENABLE: Final = 0
 _TRAVERSABLE: Final = 1
-_WITH_RAMPS: Final = (Cia402DriveTable, ProfidriveCanTable, ProfidriveModbusTable, PulseDriveTable)
 _OFF1: Final = 1
 _OFF2: Final = 3
 
@@ -337,7 +333,7 @@ def _stop_distance(axis: AxisFacts) -> Iterator[str]:
         reaction = bind("Actor.RemoveEnableReaction").value
         ramp = "off1_ramp_s" if reaction == _OFF1 else "off3_ramp_s"
         drive, speed = axis.drive, axis.rpm(1.0)
-        if reaction == _OFF2 or not speed or not isinstance(drive, _WITH_RAMPS):
+        if reaction == _OFF2 or not speed or not isinstance(drive, WITH_RAMPS):
             return  # it coasts
         time_s = drive.off1_ramp_s if reaction == _OFF1 else drive.off3_ramp_s
         how = f"{ramp} of {axis.drive_name}"

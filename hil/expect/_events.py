@@ -22,7 +22,7 @@ from hil.expect._base import (
     words_of_span,
 )
 from hil.expect._hidden import hidden_state
-from hil.expect._wording import after, allowed, clause, instant_words, period, span
+from hil.expect._wording import allowed, clause, instant_words, moment, period, within
 from hil.record import EventSelector, Trace, check_state
 from hil.record import event as select_event
 from reports.model import Check
@@ -117,12 +117,14 @@ class alarm(Expectation):
         if not mine:
             bound_s = None if self.within_s is None else since_s + self.within_s
             instead = f"instead {_numbers(entries)} came" if entries else "no alarm came"
-            sentence = f"{self._subject} did not come{self._moment(None)}, {instead}{self._allowed}"
+            sentence = (
+                f"{self._subject} did not come{moment(self.since, None)}, {instead}{within(self.within_s)}"
+            )
             return [self.missing(trace, _listed(entries), since_s, bound_s, sentence=sentence)]
         entry = mine[0]
         delay_s = entry.time_ns * 1e-9 - since_s
         good = self.within_s is None or delay_s <= self.within_s + SLACK_S
-        sentence = f"{self._subject} came{self._moment(delay_s)}{self._allowed}"
+        sentence = f"{self._subject} came{moment(self.since, delay_s)}{within(self.within_s)}"
         found = int(entry.data.get("reaction") or 0)
         if self.reaction is not None and found != self.reaction:
             good = False
@@ -147,14 +149,6 @@ class alarm(Expectation):
     @property
     def _subject(self) -> str:
         return f"alarm {self.number}" + (f" of {self.axis}" if self.axis else "")
-
-    @property
-    def _allowed(self) -> str:
-        return "" if self.within_s is None else allowed(span(self.within_s))
-
-    def _moment(self, delay_s: float | None) -> str:
-        words = after(self.since, delay_s)
-        return f" {words}" if words else ""
 
 
 def _numbers(entries: Sequence[Event]) -> str:
@@ -271,12 +265,7 @@ class happens(Expectation):
         ]
         entry = nth_of(inside, self.selector.nth)
         phrase = clause(self.selector)
-        limit = "" if self.within_s is None else allowed(span(self.within_s))
-
-        def moment(delay_s: float | None) -> str:
-            words = after(self.since, delay_s)
-            return f" {words}" if words else ""
-
+        limit = within(self.within_s)
         hidden = hidden_state(trace, self.selector, since_s, until_s) if entry is None else ""
         if hidden:
             return [self.unseen(trace, f"it was not seen, but {hidden}", since_s)]
@@ -297,7 +286,7 @@ class happens(Expectation):
             bounds = [since_s + self.within_s] if self.within_s is not None else []
             bounds += [until_s] if self.until is not None else []
             instead = self._seen_instead(trace, since_s)
-            sentence = f"{phrase.subject} {phrase.denied}{moment(None)}{limit}{instead}"
+            sentence = f"{phrase.subject} {phrase.denied}{moment(self.since, None)}{limit}{instead}"
             return [
                 self.missing(
                     trace,
@@ -318,7 +307,7 @@ class happens(Expectation):
                 low=0.0 if self.within_s is not None else None,
                 high=self.within_s,
                 since_s=since_s,
-                sentence=f"{phrase.subject} {phrase.past}{moment(delay_s)}{limit}",
+                sentence=f"{phrase.subject} {phrase.past}{moment(self.since, delay_s)}{limit}",
             )
         ]
 

@@ -65,6 +65,11 @@ def allowed(text: str) -> str:
     return f" (allowed: {text})" if text else ""
 
 
+def within(within_s: float | None) -> str:
+    """Return the allowed time in brackets; empty for no limit."""
+    return "" if within_s is None else allowed(span(within_s))
+
+
 def starting(text: str) -> str:
     """Return a sentence with a capital letter, unless it begins with a name such as `axis1.state`."""
     return capital(text) if _PLAIN_TEXT.match(text.partition(" ")[0].rstrip(":,")) else text
@@ -150,6 +155,12 @@ def after(reference: float | EventSelector, delay_s: float | None = None) -> str
         here = instant_words(reference)
         return f"at the instant of {here}" if isinstance(reference, EventSelector) else f"at {here}"
     return ("" if delay_s is None else f"{span(delay_s)} ") + f"after {instant_words(reference)}"
+
+
+def moment(reference: float | EventSelector, delay_s: float | None) -> str:
+    """Return what `after` gives, with the space that separates it from the verb before it."""
+    text = after(reference, delay_s)
+    return f" {text}" if text else ""
 
 
 def period(since: float | EventSelector, until: float | EventSelector | None) -> str:

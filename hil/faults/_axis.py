@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TypeVar
 
 from hil.errors import AxisNotNamedError
 from hil.faults._trigger import AnyOf, ByChance, InCondition, InSequence, SignalCrossing, Trigger
 from hil.faults.seams import BenchWithAxes, BenchWithDrivesOfAxes, offers
 from hil.protocols import Bench
-
-_S = TypeVar("_S", SignalCrossing, InCondition)
 
 
 def about_axis(bench: Bench, trigger: Trigger, *targets: str) -> Trigger:
@@ -28,9 +25,7 @@ def about_axis(bench: Bench, trigger: Trigger, *targets: str) -> Trigger:
         AxisNotNamedError: There are several axes, and the fault is about none of them.
 
     """
-    if isinstance(trigger, SignalCrossing):
-        return _of_axis(bench, trigger, targets)
-    if isinstance(trigger, InCondition):
+    if isinstance(trigger, SignalCrossing | InCondition):
         return _of_axis(bench, trigger, targets)
     if isinstance(trigger, (InSequence, AnyOf)):
         return replace(trigger, parts=tuple(about_axis(bench, part, *targets) for part in trigger.parts))
@@ -39,7 +34,9 @@ def about_axis(bench: Bench, trigger: Trigger, *targets: str) -> Trigger:
     return trigger
 
 
-def _of_axis(bench: Bench, trigger: _S, targets: tuple[str, ...]) -> _S:
+def _of_axis(
+    bench: Bench, trigger: SignalCrossing | InCondition, targets: tuple[str, ...]
+) -> SignalCrossing | InCondition:
     if "." in trigger.signal:
         return trigger
     return replace(trigger, signal=f"{_axis(bench, trigger, targets)}.{trigger.signal}")

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import ConfigurationError, similar_names
 from fieldbus.history import Event, Scalar
 from hil.errors import NotRecordedError, RecordingError
 from hil.record._kinds import EVENT_KINDS, check_event_kind
@@ -278,8 +278,8 @@ def _state_texts(
 
 def similar_signals(name: str, known: Iterable[str]) -> str:
     """Return what to add to a message about a signal that does not exist: `; similar: drive1.torque`."""
-    near = difflib.get_close_matches(name, list(known), n=3)
-    return f"; similar: {', '.join(near)}" if near else ""
+    near = similar_names(name, known)
+    return f"; {near}" if near else ""
 
 
 def _near(value: Scalar, known: Iterable[Scalar]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 
+from fieldbus.errors import UnknownAttributeError
 from motion.s7.axis import ExternalEncoder, TechnologyAxis
 from motion.s7.commissioning import ControlPanel
 from motion.s7.data_blocks import BitAddress
@@ -67,14 +68,12 @@ def _attribute(handle: object, technology_object: TechnologyObject, name: str) -
         # What the object has, but cannot tell now, is not misspelt.
         if name.startswith("_") or hasattr(type(technology_object), name):
             raise
-        from difflib import get_close_matches
-
-        near = get_close_matches(name, [one for one in dir(handle) if one[0] != "_"], n=3)
-        near = near or get_close_matches(name, [one for one in dir(technology_object) if one[0] != "_"], n=3)
-        similar = f"; similar: {', '.join(near)}" if near else ""
-        similar = f"; use {_INSTEAD[name]}" if name in _INSTEAD else similar
-        raise AttributeError(
-            f"{technology_object.name} has no {name!r}{similar}", name=name, obj=handle
+        raise UnknownAttributeError(
+            handle,
+            technology_object,
+            attribute=name,
+            what=technology_object.name,
+            instead=_INSTEAD.get(name, ""),
         ) from None
 
 

@@ -71,7 +71,7 @@ class Instruction:
 
         def __getattr__(self, name: str) -> object:
             """Name outputs and inputs that are similar to one that the instruction does not have."""
-            raise UnknownAttributeError(self, name, what=self.instruction)
+            raise UnknownAttributeError(self, attribute=name, what=self.instruction)
 
     def set(self, **inputs: float) -> None:
         """Assign inputs; they act at the next call.

@@ -350,7 +350,7 @@ def test_a_history_that_another_process_holds_is_told(monkeypatch, file):
     none.
     """
     remember(run("1", a="p"), file)
-    monkeypatch.setattr("reports.history._WAIT_S", 0.05)
+    monkeypatch.setattr("reports.history.WAIT_S", 0.05)
     holder = sqlite3.connect(file)
     holder.execute("BEGIN EXCLUSIVE")
     with pytest.raises(HistoryError, match=r"another process has held it for 0\.05 s"):
