@@ -21,6 +21,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -116,7 +117,7 @@ class PageRun:
             name: value for name, value in os.environ.items() if not name.startswith(("PYTEST_", "GITHUB_"))
         }
         environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-        environment.update(COLUMNS="120", NO_COLOR="1")
+        environment.update(COLUMNS="120", NO_COLOR="1", PYTEST_ADDOPTS=" ".join(self._left_out(block)))
         done = subprocess.run(
             ["bash", "-e", "-c", block.text],
             cwd=self.folder,
@@ -130,6 +131,14 @@ class PageRun:
         )
         self.output = done.stdout
         assert done.returncode == int(block.orders.get("exit code", "0")), done.stdout
+
+    @staticmethod
+    def _left_out(block: Block) -> Iterator[str]:
+        """Yield the options that leave out plugins which a reader does not have, or the page does not use."""
+        for plugin in ("benchmark", "pytest_cov", "rerunfailures"):
+            yield f"-p no:{plugin}"
+        if "hypothesis" not in (ROOT / block.page).read_text(encoding="utf-8"):
+            yield "-p no:hypothesispytest"
 
     def _compare(self, expected: str) -> None:
         """Check that the lines that a page shows are in the output, in their order."""

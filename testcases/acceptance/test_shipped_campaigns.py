@@ -1,12 +1,13 @@
 """The campaigns that ship with the product pass on the embedded benches; each case is a test with its
 requirements.
 
-Every case runs on one bench. On the other one, where the same rule meets another drive, runs a sample: a case
-of every family, and one for every requirement. `python -m testcases.digests` runs them all on both.
+Of large campaigns a sample runs: a case of every family, and one for every requirement. With
+HYPOTHESIS_PROFILE=nightly all cases run on all benches; `python -m testcases.digests` runs them all, too.
 """
 
 from __future__ import annotations
 
+import os
 from functools import cache
 
 import pytest
@@ -34,28 +35,24 @@ from testcases.campaigns import (
     telegram_faults,
 )
 
-ON_CANOPEN = (
-    stop_modes.CAMPAIGN,
+WHOLE = os.environ.get("HYPOTHESIS_PROFILE") == "nightly"
+LARGE = (
     fault_reactions.CAMPAIGN,
-    drive_faults.CAMPAIGN,
     axis_faults.CAMPAIGN,
     homing.CAMPAIGN,
     limits.CAMPAIGN,
     motion_in.CAMPAIGN,
     commissioning.CAMPAIGN,
+)
+SMALL_ON_CANOPEN = (
+    stop_modes.CAMPAIGN,
+    drive_faults.CAMPAIGN,
     axis_signals.CAMPAIGN,
     cia402_drive.CAMPAIGN,
 )
+ON_CANOPEN = (*SMALL_ON_CANOPEN, *LARGE)
 ON_PROFIDRIVE = (drive_faults.CAMPAIGN, telegram_faults.CAMPAIGN)
-SAMPLED_ON_PROFIDRIVE = (
-    fault_reactions.CAMPAIGN,
-    axis_faults.CAMPAIGN,
-    homing.CAMPAIGN,
-    limits.CAMPAIGN,
-    motion_in.CAMPAIGN,
-    commissioning.CAMPAIGN,
-    monitoring.CAMPAIGN,
-)
+SAMPLED_ON_PROFIDRIVE = (*LARGE, monitoring.CAMPAIGN)
 """What the controller does, whatever its drive; causes inside of a drive are in the campaigns above."""
 WITH_ENCODERS = "testcases.campaigns.external_encoder:{}"
 BLOCKED = {
@@ -105,7 +102,7 @@ def cases(bench, profile, campaigns, *, sampled=False):
     """Yield the cases of campaigns; all but the first of each are exhaustive."""
     for campaign in campaigns:
         quick = True
-        for case in sample(campaign, profile) if sampled else campaign.cases:
+        for case in sample(campaign, profile) if sampled and not WHOLE else campaign.cases:
             if (bench, case.identifier) not in BLOCKED:
                 marks = [pytest.mark.requirement(*requirements_here(case.requirements, [profile]))]
                 if not quick:
@@ -124,7 +121,8 @@ def bench_file(name):
 @pytest.mark.parametrize(
     ("bench", "case"),
     [
-        *cases("reference", "cia402", ON_CANOPEN),
+        *cases("reference", "cia402", SMALL_ON_CANOPEN),
+        *cases("reference", "cia402", LARGE, sampled=True),
         *cases("profidrive", "profidrive", ON_PROFIDRIVE),
         *cases("profidrive", "profidrive", SAMPLED_ON_PROFIDRIVE, sampled=True),
         *cases("reference", "cia402", [monitoring.CAMPAIGN]),
@@ -134,13 +132,13 @@ def bench_file(name):
         *cases("testcases.campaigns.axis_motion:SLOW", "cia402", [axis_motion.INTERPOLATOR]),
         *cases("testcases.campaigns.axis_motion:TWO", "cia402", [axis_motion.ENCODERS]),
         *cases("testcases.campaigns.axis_motion:PLAY", "cia402", [axis_motion.BACKLASH]),
-        *cases("profidrive_tcp", "profidrive", [modbus_faults.CAMPAIGN]),
+        *cases("profidrive_tcp", "profidrive", [modbus_faults.CAMPAIGN], sampled=True),
         *cases("profidrive_rtu", "profidrive", [modbus_faults.LINE], sampled=True),
         *cases("testcases.campaigns.modbus_faults:UNWATCHED", "profidrive", [modbus_faults.MONITORED]),
         *cases("profidrive", "profidrive", [axis_signals.CAMPAIGN]),
         *cases("testcases.campaigns._hanging_load:BENCH", "cia402", [holding_brake.CAMPAIGN]),
         *cases("testcases.campaigns._led_drive:BENCH", "profidrive", [profidrive_words.CAMPAIGN]),
-        *cases(WITH_ENCODERS.format("REFERENCE"), "cia402", [external_encoder.CAMPAIGN]),
+        *cases(WITH_ENCODERS.format("REFERENCE"), "cia402", [external_encoder.CAMPAIGN], sampled=True),
         *cases(WITH_ENCODERS.format("PROFIDRIVE"), "profidrive", [external_encoder.CAMPAIGN], sampled=True),
     ],
 )

@@ -4,7 +4,7 @@ import pytest
 
 from testcases.kill_runs import after_cases, after_seconds, kill_until_through
 
-pytestmark = pytest.mark.exhaustive
+pytestmark = pytest.mark.realtime
 
 ARGUMENTS = ["testcases.unit.hil.toycampaign", "-t", "toy", "-k", "move", "-j"]
 

@@ -12,7 +12,7 @@ from hil.faults import Injector
 from motion.s7.controller import OperatingState
 from testcases.interop.test_live_modbus import bench_text
 
-pytestmark = pytest.mark.exhaustive
+pytestmark = pytest.mark.realtime
 
 
 @pytest.mark.parametrize("kind", ["controller.stop", "controller.power_off"])

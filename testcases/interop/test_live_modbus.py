@@ -126,4 +126,4 @@ def test_a_line_that_is_not_there_blocks_the_bench(tmp_path):
         Bench(parse(text, "physical.toml"), seed=1)
 
 
-pytestmark = pytest.mark.exhaustive
+pytestmark = pytest.mark.realtime

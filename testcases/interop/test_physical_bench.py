@@ -95,4 +95,4 @@ def test_an_adapter_at_the_wrong_bit_rate_hears_nothing(tmp_path):
         drives.kill()
 
 
-pytestmark = pytest.mark.exhaustive
+pytestmark = pytest.mark.realtime

@@ -14,7 +14,7 @@ import pytest
 from testcases.physical_support import bench_text, emulate, multicast_place
 from testcases.processes import PATIENCE_S, Reader, hil_command
 
-pytestmark = pytest.mark.exhaustive
+pytestmark = pytest.mark.realtime
 
 ENDLESS = """
 import os

@@ -155,7 +155,6 @@ def cluster(tmp_path_factory):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.xdist_group("dask")
 def test_a_cluster_gives_what_this_machine_gives_also_when_a_worker_is_killed(cluster, tmp_path):
     """Every case has its result and its evidence, bit for bit that of the local run; a killed worker loses
     nothing.

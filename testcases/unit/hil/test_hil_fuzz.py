@@ -38,8 +38,6 @@ from testcases.unit.hil.toybench import (
 )
 
 pytestmark = pytest.mark.exhaustive
-one_worker = pytest.mark.xdist_group("search of toybench")
-"""Where the search is not repeated for every test."""
 
 SAMPLE = ToyBench()
 JOB_NAMES = job_names(SAMPLE.axis())
@@ -253,10 +251,9 @@ def test_the_search_finds_nothing_on_a_sound_bench():
     assert report.cases == 40
 
 
-@one_worker
 def test_the_search_finds_shrinks_and_replays_a_defect():
-    """A planted defect is found, its program shrunk to the steps that matter, and the token leads back to
-    it.
+    """A planted defect is found, its program shrunk to the steps that matter, the token leads back to it, and
+    the same seed finds the same.
     """
     report = found_defect()
     failure = report.failure
@@ -269,13 +266,13 @@ def test_the_search_finds_shrinks_and_replays_a_defect():
     assert str(again.violation) == str(failure.violation)
     assert again.trace.digest() == failure.trace.digest()
 
+    repeated = search(DOUBLE, cases=100, longest=8, seed=9)
+    assert repeated.failure.program == failure.program
+    assert repeated.cases == report.cases
 
-@one_worker
-def test_the_same_seed_searches_in_the_same_way():
-    """The search is repeatable: the same seed finds the same program, another one searches elsewhere."""
-    first, second = found_defect(), search(DOUBLE, cases=100, longest=8, seed=9)
-    assert first.failure.program == second.failure.program
-    assert first.cases == second.cases
+
+def test_another_seed_searches_elsewhere():
+    """The same seed tries the same programs, another one others."""
 
     def tried(seed):
         seen = []

@@ -163,7 +163,6 @@ def test_the_number_of_processes_changes_nothing(tmp_path, monkeypatch):
 # -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.xdist_group("search of toybench")
 def test_a_finding_becomes_a_case_by_one_command(tmp_path, capsys, monkeypatch):
     """`hil keep` writes program and campaign; `hil run` fails on the defect and passes where there is
     none.

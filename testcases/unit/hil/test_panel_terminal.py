@@ -20,7 +20,7 @@ import pytest
 
 from testcases.processes import PATIENCE_S, hil_command
 
-pytestmark = pytest.mark.exhaustive
+pytestmark = pytest.mark.realtime
 
 
 ROWS, COLUMNS = 30, 150

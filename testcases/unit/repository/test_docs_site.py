@@ -5,7 +5,6 @@ import re
 import subprocess
 import sys
 import zlib
-from pathlib import Path
 
 import pytest
 import typer
@@ -22,27 +21,32 @@ import reports
 from hil.cli import app
 from testcases.pages import ROOT
 
-pytestmark = [pytest.mark.exhaustive, pytest.mark.xdist_group("docs-site")]
+pytestmark = pytest.mark.exhaustive
 
 PUBLIC = (hil, hil.campaign, hil.expect, hil.faults, hil.fuzz, hil.logs, hil.matrix, hil.testing, reports)
 
 
-@pytest.fixture(scope="session")
-def site(tmp_path_factory) -> Path:
-    """Folder of the built site; a broken link, or a page that nothing leads to, fails."""
-    target = tmp_path_factory.mktemp("site")
+def test_site(tmp_path, subtests):
+    """The site is built without a broken link and without a page that nothing leads to, and is complete."""
     done = subprocess.run(
-        [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "docs", str(target)],
+        [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "docs", str(tmp_path)],
         cwd=ROOT,
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    return target
+    for check in (
+        asks_for_nothing_from_the_network,
+        search_finds_words_of_every_part,
+        public_names_are_in_the_reference,
+        commands_are_in_the_reference,
+    ):
+        with subtests.test(check.__doc__):
+            check(tmp_path)
 
 
-def test_site_asks_for_nothing_from_the_network(site):
+def asks_for_nothing_from_the_network(site):
     """No page loads a script, a style, a font or a picture from anywhere but the site."""
     loaded = re.compile(r"<(?:script|img|link)\b[^>]*(?:src|href)=\"((?:https?:)?//[^\"]+)")
     pages = list(site.rglob("*.html"))
@@ -53,7 +57,7 @@ def test_site_asks_for_nothing_from_the_network(site):
     assert re.findall(r"(?:@import|url\()\s*[\"']?(?:https?:)?//", styles) == []
 
 
-def test_search_finds_words_of_every_part(site):
+def search_finds_words_of_every_part(site):
     """The index of the search has words from tutorial, guides, reference and explanation."""
     index = (site / "searchindex.js").read_text(encoding="utf-8")
     names = json.loads(re.search(r"docnames:(\[.*?\])|\"docnames\":(\[.*?\])", index)[0].partition(":")[2])
@@ -62,7 +66,7 @@ def test_search_finds_words_of_every_part(site):
     assert all(word in index for word in ("standstil", "hypothesi", "personalit"))
 
 
-def test_public_names_are_in_the_reference(site):
+def public_names_are_in_the_reference(site):
     """Every name that a public package exports is on a Python page, those of `hil` perhaps under the package
     that they come from.
     """
@@ -79,7 +83,7 @@ def test_public_names_are_in_the_reference(site):
     assert missing == []
 
 
-def test_commands_are_in_the_reference(site):
+def commands_are_in_the_reference(site):
     """Every command stands on the page of commands, with all its options."""
     text = re.sub(r"<[^>]+>", "", (site / "reference" / "commands.html").read_text(encoding="utf-8"))
     commands = typer.main.get_command(app).commands
