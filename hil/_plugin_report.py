@@ -192,7 +192,7 @@ def _collect(record: TestRecord, use: Use, trace: Trace, result: CaseResult) -> 
     result.checks = [check for current in CurrentTrace.all_of(use.bench) for check in current.checks]
     result.simulated_s = trace.end_s
     result.trace_digest = trace.digest()
-    result.story = build_story(trace, list(_told(record)), result.checks)
+    result.story = build_story(trace, list(_steps_of(record)), result.checks)
     result.alarms = build_alarms(trace)
     result.faults = build_faults(trace, [armed for one in use.injectors() for armed in one.armed])
     bad = [check for check in result.checks if check.verdict is not Verdict.PASSED]
@@ -203,7 +203,7 @@ def _collect(record: TestRecord, use: Use, trace: Trace, result: CaseResult) -> 
     result.homings = homing_drawings(trace)
 
 
-def _told(record: TestRecord) -> Iterator[Step]:
+def _steps_of(record: TestRecord) -> Iterator[Step]:
     """Return lines of the story on examples of Hypothesis, and on benches that it does not show."""
     if record.examples:
         first, last = record.first_failed, record.last_failed

@@ -94,7 +94,7 @@ def write_case(directory: str | Path, case: CaseResult) -> CaseResult:
     line = json.dumps(plain, default=plain_number, separators=(",", ":")).encode("ascii") + b"\n"
     path = folder / JOURNAL_FILE
     with naming(path), path.open("r+b" if path.exists() else "w+b") as file:
-        _mend_tail(file)
+        _repair_tail(file)
         file.write(line)
         file.flush()
         os.fsync(file.fileno())
@@ -269,7 +269,7 @@ def _split(line: bytes) -> tuple[bytes, bytes]:
     return line[:start] + line[end + 1 :], line[start + len(_LOG) - 1 : end + 1]
 
 
-def _mend_tail(file: io.BufferedRandom) -> None:
+def _repair_tail(file: io.BufferedRandom) -> None:
     """Place the file at the end of its last whole line: complete a line
     without newline, cut off a torn one.
     """

@@ -2,8 +2,8 @@
 
 `LibraryMaster` uses nothing but the library's public classes: `Network`, `BaseNode402` with its SDO client,
 PDO maps,
-NMT master and EMCY consumer. What it does differently from the library's own examples, and why, is told in
-`docs/reference/interoperation.md`.
+NMT master and EMCY consumer. What it does differently from the library's own examples, and why, is described
+in `docs/reference/interoperation.md`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Kill a campaign again and again at random moments, and check what is left: `python -m testcases.kill_runs
 --times 50`.
 
-After every kill (signal 9) the journal has to be readable and to hold every case that the run had told to
+After every kill (signal 9) the journal has to be readable and to hold every case that the run had reported to
 have ended. A run that was killed is resumed, killed, resumed, until it completes; then it has to be, bit for
 bit, what an undisturbed run is.
 """
@@ -25,14 +25,14 @@ from pathlib import Path
 from reports.store import JOURNAL_FILE, RUN_FILE, load_run
 from testcases.processes import hil_command
 
-TOLD = re.compile(r"\[ *\d+/\d+\] \w+ +(\S+) \(")
+REPORTED = re.compile(r"\[ *\d+/\d+\] \w+ +(\S+) \(")
 """Line of a case that has ended."""
 WITHIN_S = 0.2
 """Kills after a case come at any time within so many seconds: while the next ones run, or are written to the
 journal.
 """
 Moment = Callable[[subprocess.Popen[str], set[str]], None]
-"""Waits for the moment of the kill, with the process and the cases that it has told so far."""
+"""Waits for the moment of the kill, with the process and the cases that it has reported so far."""
 
 
 @dataclass(slots=True)
@@ -44,14 +44,14 @@ class Session:
     """Kills that met the run before its first case had ended."""
     cases: int = 0
     digest: str = ""
-    told: set[str] = field(default_factory=set)
+    reported: set[str] = field(default_factory=set)
 
 
 def after_seconds(seconds: float) -> Moment:
     """Return a moment by the clock: start of Python, campaign and report are met as well."""
 
-    def moment(process: subprocess.Popen[str], told: set[str]) -> None:
-        del told
+    def moment(process: subprocess.Popen[str], reported: set[str]) -> None:
+        del reported
         end = time.monotonic() + seconds
         _wait(process, lambda: time.monotonic() >= end)
 
@@ -59,12 +59,12 @@ def after_seconds(seconds: float) -> Moment:
 
 
 def after_cases(number: int, seconds: float = 0.0) -> Moment:
-    """Return the moment so long after so many further cases have been told."""
+    """Return the moment so long after so many further cases have been reported."""
     later = after_seconds(seconds)
 
-    def moment(process: subprocess.Popen[str], told: set[str]) -> None:
-        _wait(process, lambda: len(told) >= number)
-        later(process, told)
+    def moment(process: subprocess.Popen[str], reported: set[str]) -> None:
+        _wait(process, lambda: len(reported) >= number)
+        later(process, reported)
 
     return moment
 
@@ -92,17 +92,17 @@ def killed(directory: Path, arguments: list[str], moment: Moment, session: Sessi
 
     """
     process = start(directory, arguments)
-    told: set[str] = set()
+    reported: set[str] = set()
 
     def read() -> None:
         assert process.stderr is not None
         for line in process.stderr:
-            if found := TOLD.match(line):
-                told.add(found[1])
+            if found := REPORTED.match(line):
+                reported.add(found[1])
 
     reader = threading.Thread(target=read)
     reader.start()
-    moment(process, told)
+    moment(process, reported)
     process.send_signal(signal.SIGKILL)
     code = process.wait()
     reader.join()  # the workers have its pipe too: they have ended now
@@ -112,12 +112,12 @@ def killed(directory: Path, arguments: list[str], moment: Moment, session: Sessi
         assert code == 0, f"the run ended with {code}"
         return False
     session.kills += 1
-    session.in_time += not told
-    session.told |= told
+    session.in_time += not reported
+    session.reported |= reported
     left = (
         {case.identifier for case in load_run(directory).cases} if (directory / RUN_FILE).exists() else set()
     )
-    assert left >= session.told, f"lost: {session.told - left}"
+    assert left >= session.reported, f"lost: {session.reported - left}"
     assert (directory / RUN_FILE).exists() or not (directory / JOURNAL_FILE).exists()
     return True
 
@@ -134,7 +134,7 @@ def completed(directory: Path, arguments: list[str], session: Session) -> None:
     assert process.returncode == 0, error
     run = load_run(directory)
     assert not run.interrupted
-    assert {case.identifier for case in run.cases} >= session.told
+    assert {case.identifier for case in run.cases} >= session.reported
     session.cases = len(run.cases)
     session.digest = json.loads(answer)["trace_digest"]
 

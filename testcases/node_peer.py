@@ -1,5 +1,5 @@
 """A station of the npm package `canopen` in a process of its own, on a segment in real time, and a drive
-beside it.
+next to it.
 
 `testcases/peers/node_station.js` is the other end: it hands every frame and every call to the unmodified
 library.

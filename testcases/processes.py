@@ -27,7 +27,7 @@ def program(name: str) -> str:
 
 
 def hil_command() -> list[str]:
-    """Return the installed command `hil`, or the module where it is not installed beside this Python."""
+    """Return the installed command `hil`, or the module where it is not installed next to this Python."""
     installed = Path(sys.executable).with_name("hil")
     return [str(installed)] if installed.exists() else [sys.executable, "-m", "hil.cli"]
 
@@ -88,8 +88,8 @@ class Reader:
                 break
             else:
                 time.sleep(0.01)
-        told = "\n".join(self.lines[-40:])
-        pytest.fail(f"no line matches {pattern!r} (exit code {self.process.poll()}):\n{told}")
+        shown = "\n".join(self.lines[-40:])
+        pytest.fail(f"no line matches {pattern!r} (exit code {self.process.poll()}):\n{shown}")
 
     def end(self, number: int) -> int:
         """Send a signal and return the exit code."""

@@ -26,7 +26,7 @@ CONNECT_S: Final = 10.0
 _COMPARED: Final = ("motion-hil", "numpy", "allpairspy")
 """Packages that have to be the same everywhere: traces and matrices are made by them."""
 
-_beside = threading.local()
+_thread = threading.local()
 
 
 def versions() -> dict[str, str]:
@@ -34,11 +34,11 @@ def versions() -> dict[str, str]:
     return {name: metadata.version(name) for name in _COMPARED}
 
 
-def run_beside(order: Order) -> Parcel | str:
+def run_in_process(order: Order) -> Parcel | str:
     """Run an order on the process of this thread of a worker; returns the reason if it was lost."""
-    pool: Pool[Order, Parcel] | None = getattr(_beside, "pool", None)
+    pool: Pool[Order, Parcel] | None = getattr(_thread, "pool", None)
     if pool is None:
-        pool = _beside.pool = Pool(1)
+        pool = _thread.pool = Pool(1)
     (one,) = finished_orders(pool.run([order]))
     return one.reason if one.parcel is None else one.parcel
 
@@ -75,7 +75,7 @@ class Cluster:
             run = uuid.uuid4().hex
             futures: dict[Any, Order] = {
                 client.submit(
-                    run_beside,
+                    run_in_process,
                     replace(order, packed=bool(order.directory)),
                     key=f"{run}-{number}",
                     pure=False,

@@ -217,7 +217,7 @@ class Expectation(ABC):
             return ()
 
     def verify(self, trace: Trace) -> None:
-        """Refuse names that cannot be in the trace: an expectation with a slip of the pen must not pass.
+        """Refuse names that cannot be in the trace: an expectation with a misspelt name must not pass.
 
         Raises:
             RecordingError: There is no such kind of event, component, state, job, ...; the message names

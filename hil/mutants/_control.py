@@ -115,7 +115,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "cycles = min((self._delay_s + additional) / self._cycle,",
         "cycles = min(self._delay_s / self._cycle,",
         ids=("MON-037", "MON-033"),
-        likely=("control/filter/low-pass/controller", "monitoring/filter/*/told"),
+        likely=("control/filter/low-pass/controller", "monitoring/filter/*/compensated"),
     ),
     _defect(
         "following-error-without-transport",
@@ -152,7 +152,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "velocity = self._velocity[at].step(velocity)",
         "self._velocity[at].step(velocity)",
         ids=("CTL-061", "CTL-062"),
-        likely=("monitoring/filter/two-low-passes/told",),
+        likely=("monitoring/filter/two-low-passes/compensated",),
     ),
     # -- monitoring --
     _defect(

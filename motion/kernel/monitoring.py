@@ -126,7 +126,7 @@ class Monitoring:
 
         Args:
             modulo: Range of the axis: none passes it within a cycle.
-            farthest: Largest position whose steps can all be told apart, position unit.
+            farthest: Largest position whose steps can all be distinguished, position unit.
 
         """
         self._farthest = farthest

@@ -29,7 +29,7 @@ from reports.store import RUN_FILE, load_run
 pytestmark = pytest.mark.exhaustive
 
 CAMPAIGN = '''
-"""Cases that do what a file beside them says."""
+"""Cases that do what a file next to them says."""
 
 import json
 import os
@@ -76,7 +76,7 @@ def run_in_a_process(
     with warnings.catch_warnings():
         warnings.simplefilter(
             "ignore", DeprecationWarning
-        )  # a fork beside threads: those of others take no part
+        )  # a fork of a process with threads: they take no part
         child = os.fork()
     if child == 0:
         try:
@@ -84,7 +84,7 @@ def run_in_a_process(
             chosen = [one for one in cases if one.case.identifier.rpartition("/")[2] in names]
             left = kill_after
 
-            def count(*_told: object) -> None:
+            def count(*_reported: object) -> None:
                 nonlocal left
                 if left is not None:
                     left -= 1
@@ -94,14 +94,14 @@ def run_in_a_process(
             Runner(chosen, options, on_result=count).run()
         except CannotRunError:
             os._exit(REFUSED)
-        except BaseException:  # noqa: BLE001 - told by the exit code
+        except BaseException:  # noqa: BLE001 - reported by the exit code
             os._exit(1)
         os._exit(0)
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
 class RunsOfACampaign(RuleBasedStateMachine):
-    """Keeps the model beside the folder."""
+    """Keeps the model next to the folder."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -149,7 +149,7 @@ class RunsOfACampaign(RuleBasedStateMachine):
             held = {}
         todo = [name for name in names if name in SHARDS[shard] and name not in held]
         if self.held is not None and repeat_failed and resume:
-            # What is to be repeated stays in the journal until it has ended anew.
+            # What is to be repeated stays in the journal until it has ended again.
             held = {**{name: end for name, end in self.held.items() if name in todo}, **held}
         expected = 0
         for number, name in enumerate(todo, 1):
@@ -172,7 +172,7 @@ class RunsOfACampaign(RuleBasedStateMachine):
         """Return the cases that failed or broke in the folder."""
         return tuple(name for name in NAMES if (self.held or {}).get(name) in AGAIN)
 
-    def mend(self, names: tuple[str, ...]) -> None:
+    def repair(self, names: tuple[str, ...]) -> None:
         self.ends.update(dict.fromkeys(names, "passes"))
         self.write()
 
@@ -199,18 +199,18 @@ class RunsOfACampaign(RuleBasedStateMachine):
         self.run(resume=True, shard={None: (1, 2), (1, 2): None, (2, 2): (1, 2)}[self.shard])
 
     @precondition(lambda self: self.failing())
-    @rule(mended=st.booleans(), kill_after=st.sampled_from([None, None, 1]))
-    def repeat_failed(self, mended, kill_after):
-        if mended:
-            self.mend(self.failing())
+    @rule(repaired=st.booleans(), kill_after=st.sampled_from([None, None, 1]))
+    def repeat_failed(self, repaired, kill_after):
+        if repaired:
+            self.repair(self.failing())
         self.run(resume=True, repeat_failed=True, shard=self.shard, kill_after=kill_after)
 
     @precondition(lambda self: self.failing())
-    @rule(mended=st.booleans())
-    def last_failed(self, mended):
+    @rule(repaired=st.booleans())
+    def last_failed(self, repaired):
         names = self.failing()
-        if mended:
-            self.mend(names)
+        if repaired:
+            self.repair(names)
         self.run(names=names)
 
     @precondition(lambda self: self.with_workers < 1)

@@ -31,7 +31,7 @@ class Browser:
         self.keys = Keys
 
     def open(self, address: str = "", report: Path | None = None) -> None:
-        """Load the report anew at an address such as `#/case/name` and wait until the page shows it."""
+        """Load the report again at an address such as `#/case/name` and wait until the page shows it."""
         self.driver.get("about:blank")
         self.driver.get((report or self.report).as_uri() + address)
         self.shown(address)

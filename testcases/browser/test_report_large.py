@@ -1,4 +1,4 @@
-"""The report of a large run, whose cases are beside the page: the list grows, cases come when they are
+"""The report of a large run, whose cases are next to the page: the list grows, cases come when they are
 opened.
 """
 
@@ -71,7 +71,7 @@ def test_arrows_walk_beyond_the_rows_that_are_there(browser, report):
     browser.until(lambda: browser.driver.switch_to.active_element.text == name, "the row is not focused")
 
 
-def test_case_and_plot_library_come_from_beside_the_page(browser, report):
+def test_case_and_plot_library_come_from_next_to_the_page(browser, report):
     """A deep link opens the case with its plot, from files alone; nothing of it was in the page."""
     assert "encoder.freeze on drive1" not in report.read_text("utf-8")
     browser.open(f"#/case/{FAILED}", report)

@@ -45,7 +45,7 @@ def noise(ctx: CaseContext) -> None:
     delay = ctx.axis.object.delay_s
     ctx.measure("apparent velocity, mm/s", abs(velocity), low=1e-9)
     ctx.measure(
-        "step of the setpoint beside the formula, mm",
+        "step of the setpoint apart from the formula, mm",
         setpoint - actual - velocity * delay,
         low=-1e-9,
         high=1e-9,
@@ -190,7 +190,7 @@ def fatal_alarm(ctx: CaseContext) -> None:
 
 @CASES.case("several-alarms", tags=("enabling",), requirements=("STP-587", "STP-070", "STP-066"))
 def several_alarms(ctx: CaseContext) -> None:
-    """Several alarms, one MC_Reset: none is raised anew on the way, and with Done all are gone."""
+    """Several alarms, one MC_Reset: none is raised again on the way, and with Done all are gone."""
     axis = axis_name(ctx)
     enable(ctx)
     bring_into(ctx, "constant")

@@ -61,13 +61,13 @@ class Operator:
 
     def refused(self, act: Callable[[], object], text: str) -> None:
         """Expect a command refused in words that hold `text`."""
-        told = "it was carried out"
+        reported = "it was carried out"
         try:
             act()
         except HilError as error:
-            told = str(error)
-        self._ctx.observe(told)
-        self._ctx.measure(f"refused: {text}", float(text in told), low=1.0)
+            reported = str(error)
+        self._ctx.observe(reported)
+        self._ctx.measure(f"refused: {text}", float(text in reported), low=1.0)
 
     def has_control(self, *, at: float, control: bool = True) -> Expectation:
         """Expect `StatusWord.X4` (COM-023)."""

@@ -227,7 +227,7 @@ def fault(ctx: CaseContext, fault: str, motion: str) -> None:
     requirements=("COM-022", "COM-025", "MC-629", "MC-630"),
 )
 def controller(ctx: CaseContext, what: str) -> None:
-    """The axis comes to rest; outside of RUN control goes, afterwards it can be taken anew, and the axis
+    """The axis comes to rest; outside of RUN control goes, afterwards it can be taken again, and the axis
     moves for whoever has it.
     """
     operator = Operator(ctx).take()

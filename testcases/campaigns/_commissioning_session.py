@@ -101,8 +101,8 @@ def session(ctx: CaseContext, direction: str) -> None:
     requirements=("COM-022",),
 )
 def refused(ctx: CaseContext, why: str) -> None:
-    """Enabled by the program, controller not in RUN, another panel: told in words, and nothing changes on the
-    axis.
+    """Enabled by the program, controller not in RUN, another panel: reported in words, and nothing changes
+    on the axis.
     """
     operator = Operator(ctx)
     name = axis_name(ctx)
@@ -384,7 +384,7 @@ def tried_values(ctx: CaseContext, how: str) -> None:
 @CASES.case("configuration-changed", requirements=("COM-026",))
 def configuration_changed(ctx: CaseContext) -> None:
     """A start value that changes while the panel has the axis acts after control has been returned, the
-    object restarted, and control taken anew.
+    object restarted, and control taken again.
     """
     operator = Operator(ctx).take()
     axis, name = ctx.axis, axis_name(ctx)

@@ -205,8 +205,8 @@ def filter_delay(kind: str, cycle: float) -> float:
     ),
 )
 def dynamic_filter(ctx: CaseContext, kind: str, where: str) -> None:
-    """Setpoints come later by the delay of the filter, smoothly and never beyond; told as additional delay it
-    is no error.
+    """Setpoints come later by the delay of the filter, smoothly and never beyond; given as additional delay
+    it is no error.
     """
     mode, t1, t2, tt = FILTERS[kind]
     prefix = "SetpointFilter.DynamicFilter."

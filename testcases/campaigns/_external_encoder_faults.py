@@ -63,7 +63,7 @@ def _recovers(ctx: CaseContext, part: Part, *, homed: bool) -> None:
     requirements=("TA-013", "DIA-085", "HOM-179", "PD-012"),
 )
 def error_code(ctx: CaseContext, encoder: str, code: str) -> None:
-    """Gx_ZSW bit 15: alarm 411, ErrorWord.X5, no valid value; mended and acknowledged it counts on, an
+    """Gx_ZSW bit 15: alarm 411, ErrorWord.X5, no valid value; repaired and acknowledged it counts on, an
     incremental one not homed.
     """
     part = _homed(ctx, encoder)
@@ -310,7 +310,7 @@ def overflow(ctx: CaseContext, encoder: str) -> None:
         *({"what": "power_off", "encoder": encoder} for encoder in KINDS),
         *({"what": what, "encoder": encoder} for what in ("stop", "stall") for encoder in ("wheel", "drum")),
     ],
-    title="controller.{what} beside {encoder}",
+    title="controller.{what} with {encoder}",
     tags=("controller",),
     requirements=("HOM-166", "HOM-153", "MC-629", "MC-630", "VAR-025"),
 )

@@ -25,7 +25,9 @@ SIGN: Final = {"positive": 1, "negative": -1}
 APPROACH: Final = 100.0
 HOMING: Final = 20.0
 OFFSET: Final = 25.0
-"""Home position offset, into the travel range: away from the negative switch, beside which the cam is, mm."""
+"""Home position offset, into the travel range: away from the negative switch, next to which the cam is,
+mm.
+"""
 HOME: Final = 1000.0
 """Home position: nothing that the axis could show without having homed, mm."""
 

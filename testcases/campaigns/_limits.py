@@ -136,7 +136,7 @@ def set_in_motion(ctx: CaseContext, motion: str, sign: int) -> list[Any]:
 
 
 def release(job: Any) -> None:
-    """Take the level inputs of an instruction back, so that it does not begin anew after the
+    """Take the level inputs of an instruction back, so that it does not begin again after the
     acknowledgement.
     """
     if hasattr(job, "JogForward"):
@@ -257,7 +257,7 @@ def bit_at(ctx: CaseContext, bit: int, state: bool, at: float | None = None) -> 
 
 
 def refused(ctx: CaseContext, velocity: float, *, cause: str = "LIM-059") -> None:
-    """Expect 531 anew and 16#8001 for a motion with `velocity` that the switch forbids, and hardly any
+    """Expect 531 again and 16#8001 for a motion with `velocity` that the switch forbids, and hardly any
     motion.
     """
     drive = drive_name(ctx)

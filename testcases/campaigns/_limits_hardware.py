@@ -52,7 +52,7 @@ from testcases.campaigns.support import (
 
 CASES: Final = Campaign("limits", tags=("limits", "hardware"), bench="reference")
 TELLING: Final = ("cia402", "profidrive")
-"""Profiles of drives that are told how to stop, and tell where a mark was."""
+"""Profiles of drives that are commanded how to stop, and tell where a mark was."""
 HOMING: Final = {"Sensor[1]__ActiveHoming__Mode": 1, "Homing__AutoReversal": False}
 """A homing that looks for a cam, so that it is under way when the switch comes."""
 
@@ -96,7 +96,7 @@ def approach(ctx: CaseContext, kind: str, side: str, motion: str) -> None:
 
 
 def _retract(ctx: CaseContext, kind: str, side: str, press: Any, *, moved: bool) -> None:
-    """Acknowledge; outwards 531 comes anew; inwards the switch is left, one that is traversable at the place
+    """Acknowledge; outwards 531 comes again; inwards the switch is left, one that is traversable at the place
     where it was met.
     """
     sign, bit = SIGN[side], HARDWARE_BIT[side]
@@ -131,7 +131,7 @@ OFF: Final = {"off1": (1, 1.0), "off3": (7, 0.5)}
     requirements=("LIM-033", "LIM-107"),
 )
 def remove_enable(ctx: CaseContext, side: str, reaction: str) -> None:
-    """The drive stops as `Actor.RemoveEnableReaction` says: three stopping distances, told apart by the
+    """The drive stops as `Actor.RemoveEnableReaction` says: three stopping distances, distinguished by the
     machine.
     """
     axis, drive = axis_name(ctx), drive_name(ctx)

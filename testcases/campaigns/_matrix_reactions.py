@@ -121,8 +121,8 @@ def fault_in_stop(ctx: CaseContext, word: FaultWord, stop: str) -> None:
     disabled = stop.startswith("power")
     expected = expected_alarm(ctx, word)
     if STOPS[stop]["ramp"] in {"off3", "coast"}:
-        # The drive has been told to stop or let go by itself, and is no longer asked how it does: nothing may
-        # start again.
+        # The drive has been commanded to stop, or let go by itself, and is no longer asked how it does:
+        # nothing may start again.
         ctx.expect(
             value_at(f"{axis}.power_status", ended, 0.0, tolerance=0.0).covers(*STOPS[stop]["ids"]),
             value_at(f"{axis}.power_busy", ended, 0.0 if disabled else 1.0, tolerance=0.0),

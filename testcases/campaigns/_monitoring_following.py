@@ -210,18 +210,18 @@ FILTERS: Final = {
 
 
 @CASES.product(
-    "filter/{kind}/{told}",
-    parameters={"kind": list(FILTERS), "told": ("told", "untold")},
-    title="dynamic filter ({kind}), its delay {told}",
+    "filter/{kind}/{delay}",
+    parameters={"kind": list(FILTERS), "delay": ("compensated", "uncompensated")},
+    title="dynamic filter ({kind}), its delay {delay}",
     tags=("following-error", "filter"),
     requirements=("MON-009", "MON-037", "CTL-084", "CTL-074", "CTL-077"),
 )
-def delay_of_a_filter(ctx: CaseContext, kind: str, told: str) -> None:
-    """At 100 mm/s a filter adds 100 times its delay to the following error: beyond 1.5 mm it is 521, told to
-    the axis it is not there.
+def delay_of_a_filter(ctx: CaseContext, kind: str, delay: str) -> None:
+    """At 100 mm/s a filter adds 100 times its delay to the following error: beyond 1.5 mm it is 521, unless
+    the axis compensates the delay.
     """
     axis = axis_name(ctx)
-    (mode, t1, t2, tt), delay = FILTERS[kind]
+    (mode, t1, t2, tt), delay_s = FILTERS[kind]
     prefix = "SetpointFilter.DynamicFilter."
     begin(
         ctx,
@@ -232,13 +232,13 @@ def delay_of_a_filter(ctx: CaseContext, kind: str, told: str) -> None:
             f"{prefix}Tt": tt,
             "FollowingError.MinValue": 1.5,
             "FollowingError.MaxValue": 1.5,
-            "FollowingError.AdditionalSetpointDelayTime": delay if told == "told" else 0.0,
+            "FollowingError.AdditionalSetpointDelayTime": delay_s if delay == "compensated" else 0.0,
         },
     )
     ctx.do("MC_MoveVelocity 100 mm/s")
     ctx.axis.move_velocity(100.0, Acceleration=1000.0, Jerk=0.0)
     ctx.run_for(0.6)
-    if told == "told":
+    if delay == "compensated":
         quiet(ctx, requirements=("MON-037", "MON-009"))
         ctx.expect(
             value_at(f"{axis}.following_error", ctx.now_s, 0.0, tolerance=0.05).covers("CTL-074", "CTL-077")

@@ -39,7 +39,7 @@ _BASICS: Final = ("nothing", "positioning", "velocity", "jog", "motion-in-veloci
     ),
 )
 def superimposed_on(ctx: CaseContext, basic: str) -> None:
-    """The distance comes on top, is told, does not touch the basic motion, and stays when Enable falls."""
+    """The distance comes on top, is shown, does not touch the basic motion, and stays when Enable falls."""
     axis, name = ctx.axis, axis_name(ctx)
     enable(ctx)
     start = float(axis.var("Position"))

@@ -196,8 +196,8 @@ def velocity_without_way(ctx: CaseContext) -> None:
     requirements=("MIN-004", "MIN-005"),
 )
 def beyond_limits(ctx: CaseContext, what: str) -> None:
-    """Dynamic limits of the axis do not act; a velocity above them is told by MaxVelocityExceeded as long as
-    it lasts.
+    """Dynamic limits of the axis do not act; a velocity above them is reported by MaxVelocityExceeded as
+    long as it lasts.
     """
     axis = ctx.axis
     exceeded = what != "acceleration"

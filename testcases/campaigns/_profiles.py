@@ -55,8 +55,10 @@ def enters(ctx: CaseContext, what: str) -> EventSelector:
 
 def warns_of_mains(ctx: CaseContext) -> EventSelector:
     """Select the warning of missing mains: a text of the CiA 402 drive, a number of the PROFIdrive axis."""
-    told: dict[str, Any] = by_profile(ctx, cia402={"text": "mains missing"}, profidrive={"warnings": "7840"})
-    return event("drive.warning", drive_name(ctx), **told)
+    reported: dict[str, Any] = by_profile(
+        ctx, cia402={"text": "mains missing"}, profidrive={"warnings": "7840"}
+    )
+    return event("drive.warning", drive_name(ctx), **reported)
 
 
 def encoder_increments_per_revolution(ctx: CaseContext) -> int:

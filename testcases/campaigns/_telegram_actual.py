@@ -116,10 +116,10 @@ def lie(ctx: CaseContext, what: str, phase: str) -> None:
     """A status bit that says so is enough: alarm with reaction 4, the axis stops; the truth again, it
     recovers.
     """
-    told, number, identifiers = LIES[what]
+    reported, number, identifiers = LIES[what]
     enable(ctx)
     bring_into(ctx, phase)
-    fault = ctx.inject("telegram.stuck", drive_name(ctx), **told)
+    fault = ctx.inject("telegram.stuck", drive_name(ctx), **reported)
     # An axis that believes its drive off takes all enables away: the drive coasts.
     ends_disabled(ctx, number, within=3, identifiers=identifiers, stop_s=4.0 if what == "inhibited" else 1.5)
     fault.remove()

@@ -182,7 +182,7 @@ def operation_withdrawn_in_quick_stop(ctx: CaseContext) -> None:
 
 @CASES.case("control-given-away", tags=("setpoint",), requirements=("PD-076", "PD-077"))
 def control_given_away(ctx: CaseContext) -> None:
-    """STW1.10 falls in operation: the drive keeps what it was told and runs on; neither fault nor alarm at
+    """STW1.10 falls in operation: the drive keeps its last setpoint and runs on; neither fault nor alarm at
     constant travel.
     """
     drive = drive_name(ctx)

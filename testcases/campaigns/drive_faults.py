@@ -170,7 +170,7 @@ def mains_off(ctx: CaseContext) -> None:
     requirements=("C402-311", "STP-560", "STP-608"),
 )
 def withdrawn(ctx: CaseContext, phase: str) -> None:
-    """The drive leaves operation without being told to: 421, coasting, recovery."""
+    """The drive leaves operation without a command: 421, coasting, recovery."""
     axis = axis_name(ctx)
     enable(ctx)
     bring_into(ctx, phase)

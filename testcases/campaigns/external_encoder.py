@@ -1,4 +1,4 @@
-"""External encoders over PROFIdrive telegrams and CiA 406: their values, homing, alarms and faults, beside a
+"""External encoders over PROFIdrive telegrams and CiA 406: their values, homing, alarms and faults, next to a
 drive of either profile.
 """
 

@@ -79,7 +79,7 @@ def rig(request):
         yield Rig(machine)
 
 
-def test_it_rests_ready_and_operates_when_told(rig):
+def test_it_rests_ready_and_operates_on_command(rig):
     """16#047E is S2, 16#047F leads to S4, and back again."""
     rig.operate()
     assert rig.port.link_ok
@@ -158,7 +158,7 @@ def test_a_fault_has_a_number_until_the_edge_of_the_acknowledgement(rig):
 
 
 def test_without_supply_there_is_no_link_and_the_count_has_lost_its_reference(rig):
-    """A drive without supply: no link, ZSW1 = 0; when it is back an incremental count has started anew."""
+    """A drive without supply: no link, ZSW1 = 0; when it is back an incremental count has started again."""
     rig.operate()
     rig.stw1 = STW1_IDLE
     restarts = rig.port.encoder_restarts

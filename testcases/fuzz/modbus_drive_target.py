@@ -13,7 +13,7 @@ from testcases.fuzz.targets import Take, promise
 _WORDS: Final = 0x40
 _PASS: Final = 0xA0
 _LONGEST_PASS_NS: Final = 60 * MS
-"""Time that one input may let pass, beside what its requests take."""
+"""Time that one input may let pass, in addition to what its requests take."""
 _REQUEST_NS: Final = MS
 _COAST_STOP: Final = 0x0400
 _READ_DISPLAY: Final = (0x0001, 0x2F0A, 0x8001, 0x0101, 0x1001, 0x0002, 0x0000)

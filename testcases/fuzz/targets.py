@@ -225,7 +225,7 @@ def master() -> Take:
         node.stop()
         node.boot()
         segment.feed(data)
-        # Whatever has happened: a device that starts anew and answers as the standard says is taken in.
+        # Whatever has happened: a device that starts again and answers as the standard says is taken in.
         honest = True
         server.reset()
         device.load(application=True)

@@ -328,7 +328,7 @@ def test_homing_on_the_present_position(station, ready, method):
     ],
 )
 def test_homing_with_motion(station, ready, method, start_mm, home_mm):
-    """The library's `homing` finds limit switch, home switch and index of the reference axis, and is told so
+    """The library's `homing` finds limit switch, home switch and index of the reference axis, and learns it
     at the end.
     """
     station.drive.power_off()

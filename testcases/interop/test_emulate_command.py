@@ -107,18 +107,18 @@ DEVICE_TYPE = can.Message(arbitration_id=0x605, data=bytes.fromhex("400010000000
     ],
     ids=lambda value: "-".join(value)[:40] if isinstance(value, list) else "",
 )
-def test_mistakes_are_told_in_one_line(tmp_path, capsys, text, arguments, message):
+def test_mistakes_are_reported_in_one_line(tmp_path, capsys, text, arguments, message):
     """What cannot work ends with exit code 2 and one line that says what and where."""
     bench = tmp_path / "bench.toml"
     if text is not None:
         bench.write_text(text, encoding="utf-8")
         arguments = [str(bench), *arguments]
     assert main(["emulate", *arguments]) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    (line,) = [line for line in told.err.splitlines() if line.startswith("hil: ")]
+    reported = capsys.readouterr()
+    assert reported.out == ""
+    (line,) = [line for line in reported.err.splitlines() if line.startswith("hil: ")]
     assert re.search(message, line)
-    assert "Traceback" not in told.err
+    assert "Traceback" not in reported.err
 
 
 @pytest.mark.exhaustive
@@ -169,15 +169,15 @@ def test_without_a_record_nothing_grows(request, record):
     """The host of `hil emulate` keeps neither frames nor events nor signals, that of a bench keeps them
     all.
     """
-    told = []
+    reported = []
     with can.Bus(interface="virtual", channel=request.node.name) as controller:
         place = {"interface": "virtual", "channel": request.node.name}
         host = DriveHost(load_bench("live").config, place=place, record=record)
         try:
-            host.history.listen(lambda event: told.append(event.data.get("to")))
+            host.history.listen(lambda event: reported.append(event.data.get("to")))
             assert host.run_until(lambda: host.booted, PATIENCE_S)
             controller.send(can.Message(arbitration_id=0, data=b"\x01\x05", is_extended_id=False))
-            assert host.run_until(lambda: "OPERATIONAL" in told, PATIENCE_S)
+            assert host.run_until(lambda: "OPERATIONAL" in reported, PATIENCE_S)
             host.run_until(lambda: False, 0.1)
             assert bool(host.segments["can0"].log) is record
             assert bool(host.history.events) is record

@@ -76,7 +76,7 @@ def test_encoders_live_with_their_drives(request):
 
 
 def test_hil_emulate_brings_encoders(request, tmp_path, capsys):
-    """`hil emulate` names the encoders of a bench file beside the drives."""
+    """`hil emulate` names the encoders of a bench file as well as the drives."""
     channel = request.node.name
     path = tmp_path / "bench.toml"
     path.write_text(with_encoders(channel), encoding="utf-8")

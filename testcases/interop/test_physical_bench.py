@@ -88,9 +88,9 @@ def test_an_adapter_at_the_wrong_bit_rate_hears_nothing(tmp_path):
             "channel": device,
             "options": {"bitrate": 500_000, "sleep_after_open": 0.0},
         }
-        summary, told = run_round_trip(tmp_path, place, exit_code=2)
+        summary, reported = run_round_trip(tmp_path, place, exit_code=2)
         assert summary["blocked"] == 1
-        assert "drive1 (node 5) does not answer on the bus" in told
+        assert "drive1 (node 5) does not answer on the bus" in reported
     finally:
         drives.kill()
 

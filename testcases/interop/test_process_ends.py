@@ -170,7 +170,7 @@ def test_cases_on_a_live_bench_run_one_at_a_time(tmp_path, live_bench):
 
 
 def test_ctrl_c_twice_ends_an_emulation_in_order(tmp_path):
-    """`hil emulate` ends with exit code 0, however often it is told to."""
+    """`hil emulate` ends with exit code 0, however often it is asked to."""
     drives = emulate(tmp_path, multicast_place())
     try:
         for _ in range(3):

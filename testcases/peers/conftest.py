@@ -1,4 +1,4 @@
-"""Software of others beside the emulated devices; `install.py` installs it."""
+"""Software of others with the emulated devices; `install.py` installs it."""
 
 from __future__ import annotations
 

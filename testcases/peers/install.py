@@ -1,5 +1,5 @@
-"""Install the software of others that the tests with the mark `peers` need, as the lists beside this file pin
-it.
+"""Install the software of others that the tests with the mark `peers` need, as the lists next to this file
+pin it.
 
     python testcases/peers/install.py <directory>
 

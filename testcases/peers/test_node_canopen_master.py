@@ -95,7 +95,7 @@ def test_transfers_of_every_kind(station, peer, size, block_down, block_up):
     ],
 )
 def test_refusals(peer, index, sub, data, code):
-    """A stranger's client is told the reason that the standard names."""
+    """A stranger's client gets the reason that the standard names."""
     with pytest.raises(PeerError) as refused:
         peer.download(index, sub, data)
     assert refused.value.code == code

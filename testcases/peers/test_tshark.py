@@ -99,27 +99,27 @@ def test_the_dissector_means_what_our_decoder_means(run, tmp_path):
     """
     bench, frames = run
     seen = dissect(write_log(frames, tmp_path / "bus.log"))
-    told: Counter[str] = Counter()
+    reported: Counter[str] = Counter()
     initiates = {1, 2, 4}  # command specifiers whose frames carry an object
     for one, (_, _, frame, _) in zip(seen, frames, strict=True):
         words = bench.decode(frame)
         assert "malformed" not in words
         # Wireshark takes the data of the segments of a block for requests of their own.
         if "index" in one and frame.data[0] >> 5 in initiates and "segment" not in words:
-            told["object"] += 1
+            reported["object"] += 1
             assert f"{number(one['index']):04X}h" in words
         if "abort" in one:
-            told["abort"] += 1
+            reported["abort"] += 1
             assert f"{number(one['abort']):08X}h" in words
         if "emcy" in one:
-            told["emergency"] += 1
+            reported["emergency"] += 1
             assert f"{number(one['emcy']):04X}h" in words
         if "state" in one:
-            told["error control"] += 1
+            reported["error control"] += 1
         if "command" in one:
-            told["node control"] += 1
-    assert told["object"] > 20
-    assert told["abort"] == 2
-    assert told["emergency"] >= 1
-    assert told["error control"] > 5
-    assert told["node control"] >= 1
+            reported["node control"] += 1
+    assert reported["object"] > 20
+    assert reported["abort"] == 2
+    assert reported["emergency"] >= 1
+    assert reported["error control"] > 5
+    assert reported["node control"] >= 1

@@ -76,7 +76,7 @@ def exchange(link):
 
 def compare(seen, pdus, words):
     """Hold what Wireshark has found in each frame against the bytes and against the words of our decoder."""
-    told: Counter[str] = Counter()
+    reported: Counter[str] = Counter()
     assert len(seen) == len(pdus) == len(words)
     asked = None
     for one, pdu, text in zip(seen, pdus, words, strict=True):
@@ -85,26 +85,26 @@ def compare(seen, pdus, words):
         function = int(one["function"][0])
         assert function == pdu[0] & 0x7F
         if "exception" in one:
-            told["exception"] += 1
+            reported["exception"] += 1
             assert pdu[0] & 0x80
             assert f"{int(one['exception'][0]):02X}h" in text
             continue
         assert not pdu[0] & 0x80
         assert function_text(function) in text
         if " request " in text:
-            told["request"] += 1
+            reported["request"] += 1
             asked = pdu
             assert int(one["reference"][0]) == pdu[1] << 8 | pdu[2]
             if function == 16:
                 assert int(one["count"][0]) == pdu[3] << 8 | pdu[4]
         if "value" in one:
-            told["values"] += 1
+            reported["values"] += 1
             data = {3: pdu[2:], 16: pdu[6:], 6: pdu[3:]}[function]
             found = [int(value, 0) for value in one["value"]]
             assert found == [data[at] << 8 | data[at + 1] for at in range(0, len(data), 2)]
             first = asked[1] << 8 | asked[2]
             assert [int(at) for at in one.get("register", [first])] == list(range(first, first + len(found)))
-    return told
+    return reported
 
 
 @pytest.mark.requirement(
@@ -150,10 +150,10 @@ def test_tcp(tmp_path):
     assert [(int(one["transaction"][0]), int(one["unit"][0])) for one in adus] == [
         (f[0], f[1]) for f in frames
     ]
-    told = compare(adus, [frame[2] for frame in frames], words)
-    assert told["exception"] == 10
-    assert told["request"] > 40
-    assert told["values"] > 30
+    reported = compare(adus, [frame[2] for frame in frames], words)
+    assert reported["exception"] == 10
+    assert reported["request"] > 40
+    assert reported["values"] > 30
 
 
 @pytest.mark.requirement("MODB-005", "MODB-006", "MODB-013", "MODB-018", "MODB-022")
@@ -176,12 +176,12 @@ def test_rtu(tmp_path):
     assert [int(one["rtu_unit"][0]) for one in seen] == [unit for unit, _ in contents]
     assert {unit for unit, _ in contents} == {UNIT}
     assert all(one["crc"] == ["1"] for one in seen)
-    told: Counter[str] = Counter()
+    reported: Counter[str] = Counter()
     for one, (_, pdu), text in zip(seen, contents, words, strict=True):
         assert "malformed" not in one, text
         assert int(one["function"][0]) == pdu[0] & 0x7F
         assert ("exception" in one) == bool(pdu[0] & 0x80)
         if "exception" in one:
-            told["exception"] += 1
+            reported["exception"] += 1
             assert f"{int(one['exception'][0]):02X}h" in text
-    assert told["exception"] == 10
+    assert reported["exception"] == 10

@@ -106,7 +106,7 @@ def expected_mark(machine, beyond):
     mark = next_mark(begin, direction, machine["phase"])
     if abs(mark) < LIMIT:
         return mark
-    # Without a cam the search begins anew at the other end.
+    # Without a cam the search begins again at the other end.
     return (
         None
         if machine["mode"] == CAM
@@ -115,11 +115,11 @@ def expected_mark(machine, beyond):
 
 
 def admissible(machine, beyond):
-    """Leave out machines whose mark nobody could tell: beside a limit switch, under the start, or at the end
+    """Leave out machines whose mark nobody could tell: next to a limit switch, under the start, or at the end
     of the cam.
     """
     mark = expected_mark(machine, beyond)
-    # A mark beside a limit switch is no admissible placement: the axis passes it before it stands.
+    # A mark next to a limit switch is no admissible placement: the axis passes it before it stands.
     assume(mark is None or abs(mark) < LIMIT - 8.0 or machine["mode"] == ZERO_MARK)
     low, high = machine["cam"]
     first = next_mark(machine["start"], machine["direction"], machine["phase"])

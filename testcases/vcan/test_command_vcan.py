@@ -27,7 +27,7 @@ def test_an_interface_that_is_there_is_taken_and_left(vcan_channel, tmp_path):
 
 
 def test_an_interface_is_made_and_removed(vcan_channel, tmp_path):
-    """What `ip link` can create is there for the command, beside one that exists, and gone after it."""
+    """What `ip link` can create is there for the command, as well as one that exists, and gone after it."""
     script = "cansend hiltest1 1#; test -e /sys/class/net/$HIL_VCAN_2 || exit 9; exit 5"
     done = hil_vcan("-i", vcan_channel, "-i", "hiltest1", "--", "sh", "-c", script, folder=tmp_path)
     assert done.returncode == 5, done.stderr

@@ -1,5 +1,5 @@
-"""Encoders on a live bench: in the process of the drives, on a real CAN interface, beside the axis that moves
-the machine.
+"""Encoders on a live bench: in the process of the drives, on a real CAN interface, together with the axis
+that moves the machine.
 """
 
 from __future__ import annotations

@@ -316,7 +316,7 @@ class Desk:
     def set(self, state):
         subprocess.run([program("ip"), "link", "set", self.channel, state], check=True, timeout=PATIENCE_S)
 
-    def told(self):
+    def reported(self):
         return [event.data["status"] for event in self.history.select(kind="can.status")]
 
 
@@ -339,18 +339,18 @@ def test_an_interface_that_goes_down_and_comes_back(desk):
         desk.scheduler.run_for(150 * MS)
         with pytest.raises(BusError, match="Network is down"):
             desk.port.send(CanFrame(0x101))
-    assert desk.told() == ["DOWN"]
+    assert desk.reported() == ["DOWN"]
     desk.set("up")
     assert desk.scheduler.run_until(lambda: not desk.segment.down, WAIT)
     desk.port.send(CanFrame(0x102))
     with can.Bus(interface="socketcan", channel=desk.channel) as foreign:
         foreign.send(message(0x200))
         assert desk.scheduler.run_until(lambda: CanFrame(0x200) in desk.received, WAIT)
-    assert desk.told() == ["DOWN", "UP"]
+    assert desk.reported() == ["DOWN", "UP"]
 
 
 def test_fd_and_error_frames_of_an_interface(desk):
-    """CAN FD frames are counted and told once, error frames are events with their meaning; the next frame
+    """CAN FD frames are counted and reported once, error frames are events with their meaning; the next frame
     arrives.
     """
     with (
@@ -366,8 +366,10 @@ def test_fd_and_error_frames_of_an_interface(desk):
         assert desk.scheduler.run_until(lambda: desk.received, WAIT)
     assert desk.received == [CanFrame(0x200)]
     assert desk.segment.ignored == {"fd": 3, "garbled": 0}
-    told = [(event.kind, event.data.get("code") or event.data.get("status")) for event in desk.history.events]
-    assert told == [
+    reported = [
+        (event.kind, event.data.get("code") or event.data.get("status")) for event in desk.history.events
+    ]
+    assert reported == [
         ("can.ignored", None),
         ("can.bus_error", "BIT_STUFFING_ERROR"),
         ("can.status", "ERROR_PASSIVE"),

@@ -54,9 +54,9 @@ function checksView(data, jump) {
 /** What the case said when it ended, where its headline and checks do not say it; a traceback is folded. */
 function messageView(data) {
   const fold = (text) => h("details.rules", null, h("summary", null, "Traceback"), h("p.message", null, text));
-  const told = data.message && data.message !== data.head;
-  if (data.traceback) return [told && data.message.includes("\n") && h("p.message", null, data.message), fold(data.traceback)];
-  if (!told) return null;
+  const more = data.message && data.message !== data.head;
+  if (data.traceback) return [more && data.message.includes("\n") && h("p.message", null, data.message), fold(data.traceback)];
+  if (!more) return null;
   if (data.message.includes("\n")) return fold(data.message);
   return data.checks.some((check) => check.v !== "passed") ? null : h("p.message", null, data.message);
 }
@@ -204,8 +204,8 @@ async function openCase(identifier, query) {
     const data = await caseData(place);
     if (mine === opening) await showCase(identifier, place, data, query);
   } catch (error) {
-    const beside = FOLDER && ` The folder ${FOLDER} of the same run has to be beside the page.`;
-    waiting.replaceChildren(`The data of this case cannot be read: ${error.message}.${beside || ""} `, h("a", { href: "#/cases" }, "All cases"));
+    const where = FOLDER && ` The folder ${FOLDER} of the same run has to be next to the page.`;
+    waiting.replaceChildren(`The data of this case cannot be read: ${error.message}.${where || ""} `, h("a", { href: "#/cases" }, "All cases"));
   }
 }
 

@@ -169,7 +169,7 @@ for (const entry of INDEX) {
 const PLACE = new Map(INDEX.map((entry, i) => [entry.id, i]));
 const caseLink = (identifier) => makeHash("case", identifier, []);
 
-// Cases of a large run are scripts beside the page: a page of a file system may fetch nothing, but add script elements.
+// Cases of a large run are scripts next to the page: a page of a file system may fetch nothing, but add script elements.
 const { folder: FOLDER, key: KEY } = document.documentElement.dataset;
 const arriving = new Map(); // place -> what takes its case
 
@@ -177,7 +177,7 @@ window.hilData = (key, place, value) => {
   if (key === KEY) arriving.get(place)?.(value);
 };
 
-/** Load a script beside the page; the promise fails when it is not there. */
+/** Load a script next to the page; the promise fails when it is not there. */
 const loadScript = (name) => new Promise((done, fail) => {
   const script = h("script", { src: `${FOLDER}/${name}`, onload: () => { script.remove(); done(); }, onerror: () => { script.remove(); fail(new Error(`${FOLDER}/${name} is missing`)); } });
   document.head.append(script);
@@ -185,13 +185,13 @@ const loadScript = (name) => new Promise((done, fail) => {
 
 /** Unpack JSON that was deflated and written in base 64. */
 async function unpacked(text) {
-  if (!window.DecompressionStream) throw new Error("this browser cannot unpack the data: it needs Chromium 80, Firefox 113, Safari 16.4 or later; junit.xml, summary.json and cases.csv beside the page can be read with anything");
+  if (!window.DecompressionStream) throw new Error("this browser cannot unpack the data: it needs Chromium 80, Firefox 113, Safari 16.4 or later; junit.xml, summary.json and cases.csv next to the page can be read with anything");
   const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).json();
 }
 const readPacked = (id) => unpacked($("#" + id).textContent);
 
-/** The data of a case, from the page or from beside it. */
+/** The data of a case, from the page or from its file next to it. */
 async function caseData(place) {
   if (!FOLDER) return readPacked("data-case-" + place);
   let found = null;

@@ -161,7 +161,7 @@ function makePlot(data, pane, hooks) {
     root.style.width = printing ? width + "px" : "";
   };
 
-  /** Draw the curves anew, `fine` times as fine as the screen: for paper and pictures. */
+  /** Draw the curves again, `fine` times as fine as the screen: for paper and pictures. */
   const drawCurves = (fine = 1) => {
     drawn.forEach((one) => one.destroy());
     const { width, left } = plot.geometry;

@@ -238,7 +238,7 @@ def test_enable_again_while_it_brakes():
 
 
 def test_machine_switches_brake_and_faults():
-    """Switches are told, a brake closes without torque, and machine faults act as with every drive."""
+    """Switches are reported, a brake closes without torque, and machine faults act as with every drive."""
     switches = SwitchesConfig(negative_limit_mm=None, positive_limit_mm=50.0, home_mm=None, hysteresis_mm=0.0)
     rig = Rig(switches=switches, brake=BrakeConfig(torque_nm=3.0), off3_ramp_s=0.1)
     seen = []

@@ -102,9 +102,9 @@ def test_a_hanging_load_lies_on_one_flank_and_a_brake_holds_it():
 
 
 @pytest.mark.parametrize("growth_s", [0.0, 0.1])
-def test_play_grows_and_is_mended(growth_s):
-    """It grows evenly from what was built; mended, the load is drawn to the motor, whose encoder sees nothing
-    of it.
+def test_play_grows_and_is_repaired(growth_s):
+    """It grows evenly from what was built; after the repair the load is drawn to the motor, whose encoder
+    sees nothing of it.
     """
     plant = slide(0.0, gravity_force=-200.0)
     plant.set_brake_torque(5.0)

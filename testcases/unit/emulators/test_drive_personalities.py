@@ -1,5 +1,5 @@
-"""Personalities: the files, every quirk beside the profile's behaviour, and a drive of each that can be
-moved.
+"""Personalities: the files, every quirk compared with the profile's behaviour, and a drive of each that can
+be moved.
 """
 
 from __future__ import annotations
@@ -222,7 +222,7 @@ def test_faults_that_clear_themselves(pair):
     quirky.control(0x80)
     quirky.drive.raise_fault(0x4310)
     quirky.run(0.6)
-    assert quirky.state is S.SWITCH_ON_DISABLED, "a reset by the controller lets them count anew"
+    assert quirky.state is S.SWITCH_ON_DISABLED, "a reset by the controller lets them count again"
 
 
 @pytest.mark.requirement("C402-004", "C402-010", "C402-011", "C402-029")

@@ -1,4 +1,4 @@
-"""The encoder on the bus: PDOs and their times, speed, life, and beside a drive on one shaft."""
+"""The encoder on the bus: PDOs and their times, speed, life, and with a drive on one shaft."""
 
 from __future__ import annotations
 
@@ -126,8 +126,8 @@ def test_states_are_sent_when_they_change():
 
 @pytest.mark.requirement("C406-019", "C406-020", "C301-052")
 def test_wide_and_raw_positions_in_a_pdo():
-    """6008h fills a PDO with 64 bits, 600Ch goes unscaled beside a position, both with the value of the
-    SYNC.
+    """6008h fills a PDO with 64 bits, 600Ch goes unscaled together with a position, both with the value of
+    the SYNC.
     """
     bench = EncoderBench()
     bench.put(0x6001, 4096)
@@ -354,7 +354,7 @@ def test_foreign_eds(tmp_path):
         EncoderBench(eds=path)
 
 
-# -- beside the drive ----------------------------------------------------------------------------------
+# -- with a drive ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("steps", "sign"), [(131072, 1), (8192, 1), (8192, -1), (1000, 1)])

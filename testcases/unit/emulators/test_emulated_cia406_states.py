@@ -140,10 +140,10 @@ def test_slide_beyond_its_scale_is_a_position_error():
 
 
 @pytest.mark.requirement("C406-050", "C406-040")
-@pytest.mark.parametrize("told", [False, True])
-def test_warnings(told):
+@pytest.mark.parametrize("reported", [False, True])
+def test_warnings(reported):
     """A warning leaves the position valid; an EMCY comes only where that is configured."""
-    bench = EncoderBench(warning_emcy=told)
+    bench = EncoderBench(warning_emcy=reported)
     for bit in range(6):
         bench.encoder.inject_warnings(1 << bit)
         bench.run(0.002)
@@ -153,7 +153,7 @@ def test_warnings(told):
     bench.encoder.inject_warnings(0)
     bench.run(0.002)
     assert bench.get(0x6505) == 0
-    assert bench.emcys == ([(0xFF20, 0x21)] * 6 + [(0, 0)] if told else [])
+    assert bench.emcys == ([(0xFF20, 0x21)] * 6 + [(0, 0)] if reported else [])
 
 
 @pytest.mark.exhaustive

@@ -30,7 +30,7 @@ def test_thermal_model_bears_rated_torque_and_trips_on_overload():
 
 
 def test_dc_link_thresholds():
-    """Voltage below and above the thresholds is told apart."""
+    """Voltages below and above the thresholds are different faults."""
     link = DcLink()
     assert (link.low, link.high) == (False, False)
     link.voltage_V = 100.0

@@ -162,7 +162,7 @@ def test_the_watchdog(scheduler):
     assert not rig.station.substituted
 
 
-def test_what_an_output_does_is_told():
+def test_what_an_output_does_is_reported():
     """A change of an output calls back once per change."""
     seen = []
     output = DigitalOutput(seen.append)

@@ -139,7 +139,7 @@ def test_commands_belong_to_a_state_of_the_channel():
     assert station.hear(CanFrame(0x10)) == b"t0100\r"
 
 
-def test_version_and_serial_number_are_told_always():
+def test_version_and_serial_number_are_always_reported():
     """V and N answer in every state."""
     station = Station(version="1013", serial_number="A12B")
     assert station.say("V", "N") == b"V1013\rNA12B\r"
@@ -391,7 +391,7 @@ def test_a_serial_program_talks_to_it(request):
 
 @pytest.mark.exhaustive
 def test_a_program_that_does_not_read_loses_frames_and_wedges_nothing(request):
-    """When nobody reads the line, frames are lost and told once; whoever comes then can work at once."""
+    """When nobody reads the line, frames are lost and reported once; whoever comes then can work at once."""
     with desk_for(request) as desk:
         with serial.Serial(desk.device.path) as port:
             port.write(b"S6\rO\r")

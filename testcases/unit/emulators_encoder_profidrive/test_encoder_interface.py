@@ -383,7 +383,7 @@ def test_probe_levels():
 
 @pytest.mark.requirement("PTO-249")
 def test_new_activation_forgets():
-    """A value that was found and not read is gone when its function is activated anew."""
+    """A value that was found and not read is gone when its function is activated again."""
     rig = Rig()
     measured_before(rig)
     rig(MEASURE | ACTIVATE | FUNCTION_1)

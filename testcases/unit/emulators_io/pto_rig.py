@@ -1,4 +1,4 @@
-"""A pulse module with a controller of two channels; the second one idles unless it is told otherwise."""
+"""A pulse module with a controller of two channels; the second one idles unless the test uses it."""
 
 from __future__ import annotations
 

@@ -131,8 +131,8 @@ def test_an_image_with_one_direction():
 
 
 def test_stuck_and_broken_channels():
-    """A stuck input or output has its level whatever comes, a broken wire carries none; mended, the present
-    one counts.
+    """A stuck input or output has its level whatever comes, a broken wire carries none; after the repair the
+    present one counts.
     """
     rig = Rig()
     station = rig.station

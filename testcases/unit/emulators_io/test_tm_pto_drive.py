@@ -462,7 +462,7 @@ def test_count_is_the_integral(targets, pause_ms):
 @pytest.mark.requirement("PTO-292")
 @given(st.floats(200, 20_000), st.sampled_from([5000.0, 1e6]), st.integers(1, 2000), st.booleans())
 def test_time_of_a_count(target, slope, count, back):
-    """The time that is told for a count is the instant at which it is reached, not a nanosecond before it by
+    """The time that is given for a count is the instant at which it is reached, not a nanosecond before it by
     much.
     """
     sign = -1 if back else 1

@@ -150,7 +150,7 @@ def test_a_setpoint_that_waits_is_followed_in_s4(telegram):
 @pytest.mark.parametrize("telegram", [1, 2, 3, 4, 5, 6, 102, 103, 105, 106])
 @pytest.mark.parametrize("supplement", [False, True])
 def test_words_of_every_telegram(telegram, supplement):
-    """MOMRED and MELDW with 10x, torque words with 750 beside each of them; all bring STW1 and the speed
+    """MOMRED and MELDW with 10x, torque words with 750 added to each of them; all bring STW1 and the speed
     setpoint.
     """
     rig, _ = build(telegram, torque_telegram=supplement)

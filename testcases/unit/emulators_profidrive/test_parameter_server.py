@@ -38,7 +38,7 @@ from testcases.catalogue import each
 
 
 def parameter(number, code=TypeCode.UNSIGNED16, **options):
-    """Return a definition, writable at any time unless told."""
+    """Return a definition, writable at any time unless said otherwise."""
     options.setdefault("write", WriteRule.ALWAYS)
     options.setdefault("text", f"parameter {number}")
     size = options.get("size")
@@ -529,8 +529,8 @@ def test_several_parameters_are_answered_each(server, store):
 
 @pytest.mark.requirement("PD-208")
 def test_a_broken_record_writes_nothing(server, store):
-    """When the values of one parameter cannot be told from those of the next, none is written; own mistakes
-    go first.
+    """When the values of one parameter cannot be distinguished from those of the next, none is written; own
+    mistakes go first.
     """
     request = Request(
         4, 2, 1, (Address(PLAIN), Address(1)), (Values(Format.WORD, (9,)), Values(Format.WORD, (9,)))

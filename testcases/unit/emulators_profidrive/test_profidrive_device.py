@@ -325,7 +325,7 @@ def test_acknowledging_takes_an_edge_with_control_by_plc():
 
 @pytest.mark.requirement("PD-134", "PD-135", "PD-137")
 def test_a_lasting_cause_opens_a_new_situation():
-    """Acknowledging moves the situation into the history; what lasts is entered anew at once."""
+    """Acknowledging moves the situation into the history; what lasts is entered again at once."""
     rig = Rig()
     rig.cycle(READY, count=SYNCHRONISED)
     rig.drive.raise_fault(numbers.EXTERNAL, persistent=True)

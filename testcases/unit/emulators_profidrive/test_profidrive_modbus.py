@@ -238,7 +238,7 @@ def test_telegrams_that_do_not_fit_are_refused():
                 ProfidriveModbusDrive(scheduler, config, name="drive")
 
 
-def test_isochronous_only_when_told():
+def test_isochronous_only_on_command():
     """With a telegram of application class 4 the sign of life is not watched unless the configuration wants
     it.
     """

@@ -281,9 +281,9 @@ def test_the_fault_buffer_in_parameters(store):
 
 @pytest.mark.requirement("PD-136", "PD-245", "PD-216")
 def test_writing_zero_to_952_clears_the_buffer(store):
-    """Any other value is refused with 06h; the drive is told."""
-    buffer, told = FaultBuffer(), []
-    connect_faults(store, buffer, CATALOGUE, cleared=lambda: told.append(True))
+    """Any other value is refused with 06h; the drive is informed."""
+    buffer, reported = FaultBuffer(), []
+    connect_faults(store, buffer, CATALOGUE, cleared=lambda: reported.append(True))
     buffer.enter(FaultMessage(7900))
     buffer.acknowledge()
     buffer.enter(FaultMessage(1912))
@@ -292,7 +292,7 @@ def test_writing_zero_to_952_clears_the_buffer(store):
     assert decode_answer(ParameterServer({1: store}).request(request)).results == (Refusal(0x06, 0),)
     assert buffer.present
     store.write(952, 0)
-    assert (store.value(952), store.value(947), buffer.present, told) == (0, 0, (), [True])
+    assert (store.value(952), store.value(947), buffer.present, reported) == (0, 0, (), [True])
 
 
 @pytest.mark.requirement("PD-136", "PD-244")

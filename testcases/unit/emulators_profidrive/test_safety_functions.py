@@ -313,7 +313,7 @@ def test_safely_limited_speed_with_a_controller_that_does_not_react(reaction):
 
 @pytest.mark.requirement("CFG-460")
 def test_the_limit_of_a_rotary_axis_is_that_of_its_motor():
-    """Levels 1 to 4 are told in bits 9 and 10; with gear 10:1 a limit of 900 degrees/s is 1500 rpm of the
+    """Levels 1 to 4 show in bits 9 and 10; with gear 10:1 a limit of 900 degrees/s is 1500 rpm of the
     motor.
     """
     from emulators.drive.machine import RotaryAxisConfig

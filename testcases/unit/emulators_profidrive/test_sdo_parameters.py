@@ -138,7 +138,7 @@ def test_restoring_brings_the_configuration_back(node):
 @pytest.mark.requirement("PD-344", "PD-250")
 @pytest.mark.parametrize("how", ["1010h", "p0971"])
 def test_the_file_keeps_the_parameters(tmp_path, how):
-    """With a storage file they outlive the process, beside the objects."""
+    """With a storage file they outlive the process, as the objects do."""
     path = tmp_path / "drive.json"
     node = Node(path)
     node.sdo.download(P1121, 0, struct.pack("<f", 0.25))
@@ -156,7 +156,7 @@ def test_the_file_keeps_the_parameters(tmp_path, how):
 
 @pytest.mark.requirement("PD-251")
 def test_p0972_restarts_the_drive(node):
-    """The axis begins anew, with what is saved."""
+    """The axis begins again, with what is saved."""
     node.sdo.download(P1121, 0, struct.pack("<f", 0.25))
     node.sdo.download(0x2000 + 972, 0, b"\1\0")
     assert node.settings.ramp_down_s == 1.0

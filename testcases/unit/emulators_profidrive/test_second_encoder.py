@@ -186,7 +186,9 @@ def test_its_errors_do_not_stop_the_axis():
 
 
 def test_a_broken_wire_is_a_warning():
-    """The value stands, G2 shows 0001h, the drive warns and goes on; mended it can be acknowledged."""
+    """The value stands, G2 shows 0001h, the drive warns and goes on; after the repair it can be
+    acknowledged.
+    """
     rig = build()
     rig.turn(300.0)
     rig.drive.second.break_encoder_wire(True)

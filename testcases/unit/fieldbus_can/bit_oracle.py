@@ -128,9 +128,9 @@ class Node:
                 yield from self._frame(joining=sof == "join")
                 sof = yield from self._between()
             except WrongBitError as wrong:
-                sof = yield from self._trouble(wrong)
+                sof = yield from self._error_or_overload(wrong)
             except OverloadError:
-                sof = yield from self._trouble(None)
+                sof = yield from self._error_or_overload(None)
         self.queue = []
         self.resting = True
         while True:
@@ -148,7 +148,7 @@ class Node:
         self._sending = self.pending
         self.queue.remove(self._sending)
 
-    def _trouble(self, wrong):
+    def _error_or_overload(self, wrong):
         """Flags and delimiters until everything is in order again; returns as `_between` does."""
         while self.state != BUS_OFF:
             try:

@@ -120,8 +120,8 @@ def test_no_frame_takes_longer_than_its_worst_case(shapes):
 
 @pytest.mark.requirement("CANP-070")
 def test_jitter_of_sync_is_that_of_the_frame_in_progress():
-    """SYNC comes 0 to one longest frame late; minimum, maximum and deviation are told, per node and from the
-    log alike.
+    """SYNC comes 0 to one longest frame late; minimum, maximum and deviation are reported, per node and from
+    the log alike.
     """
     sync = PeriodicFrame(CanFrame(0x80), 1 * MS)
     other = PeriodicFrame(CanFrame(0x701, b"\x00" * 8), 1 * MS + 7 * US)

@@ -235,7 +235,7 @@ def test_every_second_error_within_an_error_frame(states, who):
 @pytest.mark.requirement("CANP-010")
 @pytest.mark.parametrize("dlc", range(9, 16))
 def test_dlc_above_8_is_passed_on_bit_by_bit_as_well(dlc):
-    """A DLC of 9 to 15 means 8 bytes, and the receiver is told the DLC as it was sent, whichever way the
+    """A DLC of 9 to 15 means 8 bytes, and the receiver gets the DLC as it was sent, whichever way the
     frame took.
     """
     frame = CanFrame(0x123, bytes(range(8)), dlc=dlc)

@@ -158,7 +158,7 @@ def test_the_sides_can_be_parted(bridge):
     """Parted, nothing passes, and local nodes stay with the first side; joined again, everything does."""
     received = []
     port = bridge.segment.attach("local", lambda frame, time_ns: received.append(frame.can_id))
-    mend = bridge.segment.cut()
+    repair = bridge.segment.cut()
     with pytest.raises(BusError, match="bridge has no bridge that could be parted"):
         bridge.segment.cut()
     bridge.a.send(message(0x100))
@@ -167,8 +167,8 @@ def test_the_sides_can_be_parted(bridge):
     assert bridge.heard(bridge.a, 1) == [0x300]
     assert bridge.heard(bridge.b, 0) == []
     assert received == [0x100]
-    mend()
-    mend()
+    repair()
+    repair()
     bridge.a.send(message(0x101))
     bridge.b.send(message(0x201))
     assert bridge.heard(bridge.b, 1) == [0x101]
@@ -183,7 +183,7 @@ def test_bit_errors_are_refused(bridge):
         bridge.scheduler.run_for(WAIT)
 
 
-def test_one_side_that_fails_is_told_and_the_other_lives(bridge):
+def test_one_side_that_fails_is_reported_and_the_other_lives(bridge):
     """A side that takes nothing is DOWN under its name; the other one still takes what local nodes send."""
     port = bridge.segment.attach("local", lambda frame, time_ns: None)
     bridge.segment.sides[1].bus.shutdown()

@@ -126,7 +126,7 @@ def test_times_of_unacknowledged_attempts():
 
 
 def test_lone_node_does_not_flood_the_history():
-    """Endless repetition is told as long as it changes something: 16 errors and one change of state."""
+    """Endless repetition is reported as long as it changes something: 16 errors and one change of state."""
     bench = Bench("a")
     bench.ports["a"].send(FRAME)
     bench.run(1_000_000)
@@ -222,7 +222,7 @@ def test_other_senders_compete_after_an_error_frame():
 
 @pytest.mark.requirement("CANP-045", "CANP-053", "CANP-054", "CANP-057", "CANP-079")
 def test_32_failures_in_a_row_lead_to_bus_off():
-    """16 failed transmissions make the sender error-passive, 32 bus-off, with the states told as they
+    """16 failed transmissions make the sender error-passive, 32 bus-off, with the states reported as they
     change.
     """
     bench = Bench("a", "b", auto_recovery=False)
@@ -616,14 +616,14 @@ def test_last_receiver_disappears():
 
 
 def test_bus_error_listener():
-    """Whoever wants error frames is told time, transmitter, kind, frame and field, at the wrong bit."""
+    """Whoever wants error frames gets time, transmitter, kind, frame and field, at the wrong bit."""
     bench = Bench("a", "b")
-    told = []
-    bench.medium.bus_error_listeners.append(lambda *arguments: told.append(arguments))
+    reported = []
+    bench.medium.bus_error_listeners.append(lambda *arguments: reported.append(arguments))
     bench.corrupt("a", 1)
     bench.ports["a"].send(FRAME)
     bench.run(500)
-    assert told == [((LENGTH - 3 - 10) * US, "a", ErrorCode.BIT, FRAME, "crc")]
+    assert reported == [((LENGTH - 3 - 10) * US, "a", ErrorCode.BIT, FRAME, "crc")]
 
 
 @pytest.mark.exhaustive

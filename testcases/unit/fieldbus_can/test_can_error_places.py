@@ -29,9 +29,9 @@ class Bench:
             )
             for name in "abc"
         }
-        self.told = []
+        self.reported = []
         self.medium.bus_error_listeners.append(
-            lambda time, port, code, frame, field: self.told.append((time // US, port, code, field))
+            lambda time, port, code, frame, field: self.reported.append((time // US, port, code, field))
         )
 
     def corrupt_next(self, error, count=1):
@@ -59,7 +59,7 @@ BIT, STUFF, FORM, CRC, ACK = ErrorCode.BIT, ErrorCode.STUFF, ErrorCode.FORM, Err
 
 
 @pytest.mark.parametrize(
-    ("error", "told", "end", "counters"),
+    ("error", "reported", "end", "counters"),
     [
         # A dominant flag in the CRC delimiter is a form error for the receivers: 1 + 6 bits of flags.
         pytest.param(
@@ -126,16 +126,16 @@ BIT, STUFF, FORM, CRC, ACK = ErrorCode.BIT, ErrorCode.STUFF, ErrorCode.FORM, Err
         ),
     ],
 )
-def test_kind_time_and_counters_follow_from_the_place(error, told, end, counters):
+def test_kind_time_and_counters_follow_from_the_place(error, reported, end, counters):
     """The error that is found first, where its error frame ends, and TEC and REC of sender and receivers."""
     bench = first_attempt(error)
-    assert bench.told[0] == told
+    assert bench.reported[0] == reported
     assert bench.medium.log[0][0] // US == end
-    assert bench.medium.log[0][3] == told[2].value
+    assert bench.medium.log[0][3] == reported[2].value
     assert bench.counters() == counters
     bench.scheduler.run_for(MS)
     assert bench.received == {"a": [], "b": [FRAME], "c": [FRAME]}
-    assert [error for *_, error in bench.medium.log] == [told[2].value, ""]
+    assert [error for *_, error in bench.medium.log] == [reported[2].value, ""]
 
 
 @pytest.mark.requirement("CANP-007", "CANP-013")
@@ -164,7 +164,7 @@ def test_recessive_stuff_bit_read_dominant_in_arbitration_is_excused():
         bench.corrupt_next(BitError("stuff", number))
         bench.ports["a"].send(frame)
         bench.scheduler.run_until(lambda bench=bench: bench.medium.log, MS)
-        assert bench.told[0][1:3] == ("a", code)
+        assert bench.reported[0][1:3] == ("a", code)
         assert bench.ports["a"].tec == tec
 
 
@@ -180,7 +180,7 @@ def test_stuff_error_of_one_receiver():
     bench.corrupt_next(BitError("stuff", 0, ONE))
     bench.ports["a"].send(frame)
     bench.scheduler.run_until(lambda: bench.medium.log, MS)
-    assert bench.told[0][1:3] == ("b", STUFF)
+    assert bench.reported[0][1:3] == ("b", STUFF)
     assert bench.counters() == [(8, 0), (0, 9), (0, 1)]
 
 
@@ -310,8 +310,8 @@ def test_node_with_a_wrong_bit_rate(rate):
 
 @pytest.mark.requirement("CANP-068")
 def test_slightly_wrong_bit_rate_takes_the_healthy_sender_to_bus_off():
-    """A node that is slow enough to send longer flags than the others is not told apart: it stays active, the
-    sender pays.
+    """A node that is slow enough to send longer flags than the others is not distinguished from them: it
+    stays active, the sender pays.
     """
     bench = Bench()
     a, _, c = bench.ports.values()
@@ -380,8 +380,8 @@ def test_receive_delay_keeps_the_order():
     bench.scheduler.run_for(5 * MS)
     ends = [time_ns for time_ns, *_ in bench.medium.log]
     assert [number for number, _, _ in times] == [0, 1, 2, 3]
-    assert [told for _, told, _ in times] == [end + 2 * MS for end in ends[:3]] + [ends[2] + 2 * MS]
-    assert all(told == now for _, told, now in times)
+    assert [reported for _, reported, _ in times] == [end + 2 * MS for end in ends[:3]] + [ends[2] + 2 * MS]
+    assert all(reported == now for _, reported, now in times)
     assert len(bench.received["b"]) == 4
     with pytest.raises(BusError, match="negative"):
         late.receive_delay_ns = -1

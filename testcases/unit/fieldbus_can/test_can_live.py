@@ -185,7 +185,7 @@ def test_hooks_on_sent_frames(bench):
 
 
 def test_corruption_is_refused(bench):
-    """Hardware makes the bits: a hook that wants them wrong is told so, and the capability set says it
+    """Hardware makes the bits: a hook that wants them wrong is refused, and the capability set says it
     before.
     """
     assert "corrupt" not in bench.segment.hook_kinds
@@ -208,7 +208,7 @@ def test_injection(bench):
 
 
 def test_error_frames_become_events(bench):
-    """Error frames of the adapter are told in the history and marked in the log, and disturb nobody."""
+    """Error frames of the adapter are reported in the history and marked in the log, and disturb nobody."""
     bench.foreign.send(
         can.Message(is_error_frame=True, arbitration_id=0x088, data=bytes([0, 0, 4, 0, 0, 0, 0, 0]))
     )
@@ -226,7 +226,7 @@ def test_error_frames_become_events(bench):
     assert [error for *_, error in bench.segment.log] == ["BIT_STUFFING_ERROR", "UNKNOWN", ""]
 
 
-def test_fd_messages_are_counted_and_told_once(bench):
+def test_fd_messages_are_counted_and_reported_once(bench):
     """CAN FD messages are not passed on but counted; the first one is an event that says what they are."""
     for _ in range(5):
         bench.foreign.send(can.Message(arbitration_id=0x100, data=bytes(64), is_fd=True))
@@ -300,7 +300,7 @@ class FailingBus(can.BusABC):
 
 
 def watched(bus):
-    """Return a scheduler, a segment on `bus`, and a function that gives the states it has told."""
+    """Return a scheduler, a segment on `bus`, and a function that gives the states it has reported."""
     scheduler = RealtimeScheduler()
     history = History(scheduler)
     segment = LiveSegment(scheduler, bus, name="live0", history=history)
@@ -310,7 +310,7 @@ def watched(bus):
 def test_bus_that_goes_down_and_comes_back():
     """A failing bus is one event down and one up, and makes every send an error that says why."""
     bus = FailingBus()
-    scheduler, segment, told = watched(bus)
+    scheduler, segment, reported = watched(bus)
     with segment:
         port = segment.attach("a", lambda frame, time_ns: None)
         port.send(CanFrame(0x100))
@@ -324,7 +324,7 @@ def test_bus_that_goes_down_and_comes_back():
         bus.broken.clear()
         assert scheduler.run_until(lambda: not segment.down, WAIT)
         port.send(CanFrame(0x100))
-        assert told() == ["DOWN", "UP"]
+        assert reported() == ["DOWN", "UP"]
         assert len(segment.log) == 2
 
 
@@ -332,7 +332,7 @@ def test_bus_that_goes_down_and_comes_back():
 def test_silence_does_not_mean_that_the_bus_is_back(proof):
     """A driver that complains once and is silent then is taken for down until a frame goes through."""
     bus = FailingBus(complaints=1)
-    scheduler, segment, told = watched(bus)
+    scheduler, segment, reported = watched(bus)
     with segment:
         port = segment.attach("a", lambda frame, time_ns: None)
         bus.pull()
@@ -341,20 +341,20 @@ def test_silence_does_not_mean_that_the_bus_is_back(proof):
             scheduler.run_for(150 * MS)
             with pytest.raises(BusError):
                 port.send(CanFrame(0x100))
-        assert told() == ["DOWN"]
+        assert reported() == ["DOWN"]
         bus.broken.clear()
         if proof == "sent":
             port.send(CanFrame(0x100))
         else:
             bus.frames.append(message(0x100))
         assert scheduler.run_until(lambda: not segment.down, WAIT)
-        assert told() == ["DOWN", "UP"]
+        assert reported() == ["DOWN", "UP"]
 
 
 def test_a_send_that_fails_alone_is_down_until_one_succeeds():
     """A full transmit queue is a bus that takes no frames: silence on the receiving side does not end it."""
     bus = FailingBus(complaints=0)
-    scheduler, segment, told = watched(bus)
+    scheduler, segment, reported = watched(bus)
     with segment:
         port = segment.attach("a", lambda frame, time_ns: None)
         bus.pull()
@@ -362,10 +362,10 @@ def test_a_send_that_fails_alone_is_down_until_one_succeeds():
             port.send(CanFrame(0x100))
         bus.frames.append(message(0x100))
         scheduler.run_for(300 * MS)
-        assert told() == ["DOWN"]
+        assert reported() == ["DOWN"]
         bus.broken.clear()
         port.send(CanFrame(0x100))
-        assert told() == ["DOWN", "UP"]
+        assert reported() == ["DOWN", "UP"]
 
 
 class GarbledBus(FailingBus):
@@ -396,7 +396,7 @@ class GarbledBus(FailingBus):
     ],
 )
 def test_what_the_driver_cannot_read_is_counted(error, flushed):
-    """Rubbish on the line of an adapter is no failure of the bus: it is counted, told once, and the next
+    """Rubbish on the line of an adapter is no failure of the bus: it is counted, reported once, and the next
     frame arrives.
     """
     bus = GarbledBus(error)
@@ -420,13 +420,13 @@ def test_a_driver_that_reads_nothing_any_more_is_down():
     """Rubbish without end is a bus that fails: the reader does not spin on it."""
     bus = GarbledBus(ValueError("file descriptor cannot be a negative integer"))
     bus.rubbish = 10**9
-    scheduler, segment, told = watched(bus)
+    scheduler, segment, reported = watched(bus)
     with segment:
         assert scheduler.run_until(lambda: segment.down, WAIT)
         spent = 10**9 - bus.rubbish
         scheduler.run_for(300 * MS)
         assert 10**9 - bus.rubbish - spent < 10
-        assert told() == ["DOWN"]
+        assert reported() == ["DOWN"]
 
 
 def test_close_ends_thread_and_bus(bench):

@@ -60,7 +60,7 @@ def test_other_frames_go_to_the_receiver_of_the_port(medium: CanMedium) -> None:
 
 
 def test_a_changed_table_holds_for_the_next_frame(medium: CanMedium) -> None:
-    """Who takes a frame is looked up anew when a table changes, and when nodes come."""
+    """Who takes a frame is looked up again when a table changes, and when nodes come."""
     node = Node(medium, "node", 0x181)
     sent(medium, CanFrame(0x181), CanFrame(0x182))
     node.listen(0x182)

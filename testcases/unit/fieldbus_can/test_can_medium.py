@@ -292,7 +292,7 @@ def test_listening_port_hears_but_does_not_acknowledge_or_send(scheduler, medium
 
 @pytest.mark.requirement("CANP-031")
 def test_full_transmit_queue_refuses_the_newest(scheduler, medium, history):
-    """A frame that finds the queue full is lost, counted, and told once."""
+    """A frame that finds the queue full is lost, counted, and reported once."""
     a, b = Node(medium, "a", tx_buffers=2), Node(medium, "b")
     for number in range(6):
         a.send(CanFrame(0x100 + number))

@@ -37,22 +37,22 @@ class User:
     """Notes what a node tells its user."""
 
     def __init__(self) -> None:
-        self.told: list[str] = []
+        self.reported: list[str] = []
 
     def node_restarted(self):
-        self.told.append("restarted")
+        self.reported.append("restarted")
 
     def node_in_service(self):
-        self.told.append("in service")
+        self.reported.append("in service")
 
     def node_lost(self, reason):
-        self.told.append(f"lost: {reason}")
+        self.reported.append(f"lost: {reason}")
 
     def node_state(self, state):
         pass
 
     def node_emcy(self, code):
-        self.told.append(f"emcy {code:04X}")
+        self.reported.append(f"emcy {code:04X}")
 
 
 class Net:
@@ -125,12 +125,12 @@ def net(kit):
 @pytest.mark.requirement("C301-015", "C301-016", "C301-146", "C301-052")
 def test_boot_from_the_factory(net):
     """A node with default values is checked, configured, stored and started, in this order; its user is
-    told.
+    reported.
     """
     net.start()
     assert net.node.in_service
     assert net.slave.nmt_state is NmtState.OPERATIONAL
-    assert net.user.told == ["restarted", "in service"]
+    assert net.user.reported == ["restarted", "in service"]
     assert [data["step"] for data in net.events("node.boot")] == [
         "waiting",
         "device type",
@@ -176,7 +176,7 @@ PREPARE = (Parameter(0x6040, 0, 0, 2),)
 
 
 def test_node_is_prepared_before_anything_is_written(kit):
-    """A node that has started anew gets what makes it safe first, and in Pre-operational; also if nothing
+    """A node that has started again gets what makes it safe first, and in Pre-operational; also if nothing
     else differs.
     """
     net = Net(kit, prepare=PREPARE)
@@ -196,7 +196,7 @@ def test_node_is_prepared_before_anything_is_written(kit):
 
 
 @pytest.mark.parametrize("changed", [False, True])
-def test_node_that_has_not_started_anew_is_prepared_only_if_it_differs(kit, changed):
+def test_node_that_has_not_started_again_is_prepared_only_if_it_differs(kit, changed):
     """A node whose heartbeat was missing is not touched; if its parameters have changed it is prepared before
     they are put right.
     """
@@ -216,7 +216,7 @@ def test_node_that_has_not_started_anew_is_prepared_only_if_it_differs(kit, chan
         [(0x6040, 0), (0x6083, 0), (0x1020, 1), (0x1020, 2), (0x1010, 1)] if changed else []
     )
     assert (NmtCommand.ENTER_PRE_OPERATIONAL in net.commands()) is changed
-    assert ("restarted" in net.user.told[1:]) is changed
+    assert ("restarted" in net.user.reported[1:]) is changed
 
 
 def test_equal_entries_are_not_written(net):
@@ -247,7 +247,7 @@ def test_stored_configuration_is_recognised_by_its_date(net):
     assert net.node.report.verified
     assert net.written() == []
     assert len([frame for frame in net.heard if frame.can_id == 0x605]) == 7
-    assert net.user.told[-2:] == ["restarted", "in service"]
+    assert net.user.reported[-2:] == ["restarted", "in service"]
 
 
 @pytest.mark.requirement("C301-148")
@@ -364,7 +364,7 @@ def test_another_device_is_left_alone(kit, changes, words):
     assert len(failed) == 1
     assert failed[0]["message"] == str(net.node.failure)
     assert failed[0]["step"] in ("device type", "identity")
-    assert "in service" not in net.user.told
+    assert "in service" not in net.user.reported
 
 
 def test_expected_identity_is_accepted(kit):
@@ -390,7 +390,7 @@ def test_refused_parameter(kit):
 
 
 def test_value_that_does_not_fit_its_object(kit):
-    """A value beyond the object's type is told like a refusal, before anything wrong is on the bus."""
+    """A value beyond the object's type is reported like a refusal, before anything wrong is on the bus."""
     net = Net(kit, parameters=(Parameter(0x2000, 0, 70000, 2),))
     net.start()
     assert "refuses 2000h:0 = 70000" in str(net.node.failure)
@@ -440,7 +440,7 @@ def test_lost_frames_do_not_end_a_boot(net, number):
 
 
 def test_lost_start_command(net):
-    """A node that goes on reporting Pre-operational is told to start again."""
+    """A node that goes on reporting Pre-operational is commanded to start again."""
     net.lose(lambda frame: frame.can_id == 0 and frame.data[0] == NmtCommand.START)
     net.start()
     net.run(200)
@@ -449,7 +449,7 @@ def test_lost_start_command(net):
 
 
 def test_reset_in_the_middle_of_a_boot(net):
-    """A boot-up during the boot lets it begin anew."""
+    """A boot-up during the boot lets it begin again."""
     net.slave.power_on()
     net.node.boot()
     net.run(6)
@@ -460,7 +460,7 @@ def test_reset_in_the_middle_of_a_boot(net):
     net.run(60)
     assert net.node.in_service
     assert net.slave.get(0x6083) == 5000
-    assert net.user.told == ["restarted", "restarted", "in service"]
+    assert net.user.reported == ["restarted", "restarted", "in service"]
 
 
 @pytest.mark.parametrize("stored", [False, True])
@@ -497,14 +497,14 @@ def test_lost_heartbeat_and_return(net):
     net.run(400)
     assert net.node.boot_state is BootState.LOST
     assert net.node.losses == 1
-    assert net.user.told[-1] == "lost: heartbeat"
+    assert net.user.reported[-1] == "lost: heartbeat"
     assert len(net.events("heartbeat.lost")) == len(net.events("node.lost")) == 1
     net.run(4000)  # it goes on answering and sending PDOs: that does not count
     assert net.node.boot_state is BootState.LOST
     net.slave.error_control.silent = False
     net.run(70)
     assert net.node.in_service
-    assert net.user.told[-1] == "in service"
+    assert net.user.reported[-1] == "in service"
     assert net.written() == []
     assert NmtCommand.ENTER_PRE_OPERATIONAL not in net.commands()
     assert len(net.events("heartbeat.back")) == 1
@@ -518,11 +518,11 @@ def test_node_that_never_sends_a_heartbeat(kit):
     assert net.node.in_service
     net.run(120)
     assert not net.node.in_service
-    assert net.user.told[-1] == "lost: heartbeat"
+    assert net.user.reported[-1] == "lost: heartbeat"
 
 
 def test_pdos_do_not_make_up_for_the_heartbeat(net):
-    """A node that is configured anew while its heartbeat is missing is not in service by its PDOs alone."""
+    """A node that is configured again while its heartbeat is missing is not in service by its PDOs alone."""
     net.start()
     net.run(60)
     net.slave.error_control.silent = True
@@ -532,7 +532,7 @@ def test_pdos_do_not_make_up_for_the_heartbeat(net):
     net.run(1500)
     assert net.slave.get(0x6083) == 5000
     assert [frame for frame in net.heard if frame.can_id == 0x185]
-    assert "in service" not in net.user.told[net.user.told.index("lost: heartbeat") :]
+    assert "in service" not in net.user.reported[net.user.reported.index("lost: heartbeat") :]
     net.slave.error_control.silent = False
     net.run(2500)
     assert net.node.in_service
@@ -553,7 +553,7 @@ def test_node_that_lost_its_parameters_unseen(kit):
     assert net.node.bootups == 1
     assert net.node.in_service
     assert net.slave.get(0x6083) == 5000
-    assert net.user.told[-3:] == ["lost: heartbeat", "restarted", "in service"]
+    assert net.user.reported[-3:] == ["lost: heartbeat", "restarted", "in service"]
 
 
 @pytest.mark.requirement("C301-022", "C301-027")
@@ -564,7 +564,7 @@ def test_reset_in_operation(net):
     net.slave.power_on()
     net.run(30)
     assert net.events("node.bootup")[-1]["unexpected"] is True
-    assert net.user.told[-3:] == ["restarted", "lost: boot-up", "in service"]
+    assert net.user.reported[-3:] == ["restarted", "lost: boot-up", "in service"]
     assert net.node.bootups == 2
     assert net.node.in_service
 
@@ -579,7 +579,9 @@ def test_node_that_leaves_operational_by_itself(net, command):
     net.run(100)
     assert net.node.in_service
     assert net.slave.nmt_state is NmtState.OPERATIONAL
-    assert f"lost: state {'STOPPED' if command == NmtCommand.STOP else 'PRE_OPERATIONAL'}" in net.user.told
+    assert (
+        f"lost: state {'STOPPED' if command == NmtCommand.STOP else 'PRE_OPERATIONAL'}" in net.user.reported
+    )
 
 
 @pytest.mark.parametrize("node", [0, 5])
@@ -590,11 +592,11 @@ def test_command_of_the_program_is_respected(net, node):
     net.run(1000)
     assert net.node.boot_state is BootState.HELD
     assert net.slave.nmt_state is NmtState.STOPPED
-    assert net.user.told[-1] == "lost: command"
+    assert net.user.reported[-1] == "lost: command"
     net.master.nmt(NmtCommand.START, node)
     net.run(20)
     assert net.node.in_service
-    assert net.user.told[-1] == "in service"
+    assert net.user.reported[-1] == "in service"
 
 
 @pytest.mark.requirement("C301-024", "C301-028", "C301-029", "C301-030")
@@ -623,7 +625,7 @@ def test_node_guarding(kit):
 
 
 @pytest.mark.requirement("C301-028")
-def test_toggle_bit_begins_anew_with_the_node(kit):
+def test_toggle_bit_begins_again_with_the_node(kit):
     """After a reset the first answer has toggle bit 0, whatever came before; that is no error."""
     guarding = (Parameter(0x100C, 0, 20, 2), Parameter(0x100D, 0, 3, 1))
     net = Net(kit, heartbeat_timeout_ms=0, guard_time_ms=20, life_time_factor=3, parameters=guarding)
@@ -652,7 +654,7 @@ def test_toggle_bit_that_does_not_change(kit):
     net.segment.add_hook(same_toggle)
     net.run(200)
     assert net.events("guarding.lost")[0]["reason"] == "toggle bit"
-    assert "lost: guarding" in net.user.told
+    assert "lost: guarding" in net.user.reported
 
 
 @pytest.mark.requirement("C301-108", "C301-109")
@@ -675,7 +677,7 @@ def test_emcy_collection(net):
         "continuous overcurrent",
         "error reset or no error",
     ]
-    assert net.user.told[-2:] == ["emcy 2310", "emcy 0000"]
+    assert net.user.reported[-2:] == ["emcy 2310", "emcy 0000"]
     for _ in range(300):
         net.port.send(CanFrame(0x85, bytes(8)))
         net.run(1)

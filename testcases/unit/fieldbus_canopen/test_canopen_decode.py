@@ -130,8 +130,8 @@ def test_boot_up_takes_the_stored_mapping(bench, decoder):
     assert decoder.decode(frame(0x225, "06")) == "RPDO1 drive1: Modes of operation 6 (hm)"
 
 
-def test_mapping_can_be_told(kit):
-    """A mapping that was set before the log begins is told with `set_mapping`."""
+def test_mapping_can_be_set(kit):
+    """A mapping that was set before the log begins is given with `set_mapping`."""
     decoder = FrameDecoder({5: "drive1"}, {5: kit.dictionary(5)})
     decoder.set_mapping(5, {(0x1A00, 0): 2, (0x1A00, 1): 0x60610008, (0x1A00, 2): 0x606C0020})
     text = "TPDO1 drive1: Modes of operation display 9 (csv), Velocity actual value -10"
@@ -164,7 +164,7 @@ def conversation(bench, decoder, action) -> list[str]:
 
 
 def test_segmented_transfers(bench, kit, decoder):
-    """Segments are recognised, and the whole value is told with the last one."""
+    """Segments are recognised, and the whole value is reported with the last one."""
     with PumpedNetwork(bench.segment) as network:
         node = network.add_node(kit.NODE, kit.dictionary(kit.NODE))
 

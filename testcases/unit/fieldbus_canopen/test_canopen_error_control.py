@@ -51,7 +51,7 @@ def test_new_heartbeat_time_restarts_the_timer(bench):
 @pytest.mark.requirement("C301-024", "C301-028")
 def test_node_guarding_answers_with_state_and_toggle(bench):
     """A remote request is answered with the state; bit 7 is 0 at first and alternates; reset starts it
-    anew.
+    again.
     """
     answers = [bench.ask(OWN, remote=True, dlc=1)[0].data[0] for _ in range(3)]
     assert answers == [0x7F, 0xFF, 0x7F]
@@ -235,7 +235,7 @@ def test_error_behaviour_to_pre_operational_only_from_operational(bench):
 
 @pytest.mark.requirement("C301-113", "C301-124", "CANP-058")
 def test_bus_off_is_a_communication_error(bench):
-    """When the CAN controller goes bus-off the device is told and 1029h acts; coming back sends EMCY
+    """When the CAN controller goes bus-off the device is informed and 1029h acts; coming back sends EMCY
     8140h.
     """
     reasons = []
@@ -267,8 +267,8 @@ def test_error_passive_is_reported(bench):
 
 @pytest.mark.requirement("CANP-058", "C301-121")
 def test_overrun_is_reported_when_there_is_room_again(bench):
-    """Frames that did not fit the transmit queue are told by EMCY 8110h a little later, once, and it ends at
-    once.
+    """Frames that did not fit the transmit queue are reported by EMCY 8110h a little later, once, and it
+    ends at once.
     """
     port = next(port for port in bench.segment.ports if port.name == "drive1")
     port.tx_buffers = 2

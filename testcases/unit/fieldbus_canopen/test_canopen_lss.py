@@ -240,7 +240,7 @@ def test_stored_node_id_survives_power_off(bench, stored):
 
 @pytest.mark.requirement("C301-158")
 def test_storage_error(kit, tmp_path):
-    """A file that cannot be written is told to the master: 2, and nothing is stored."""
+    """A file that cannot be written is reported to the master: 2, and nothing is stored."""
     folder = tmp_path / "memory"
     folder.mkdir()
     bench = kit.Bench(storage=folder / "drive.json")

@@ -102,8 +102,8 @@ def test_own_heartbeat(line):
 
 @pytest.mark.requirement("C301-026", "C301-027")
 def test_watched_heartbeat(line):
-    """Monitoring starts with the first heartbeat, a loss is told once, the first heartbeat after it tells the
-    state again.
+    """Monitoring starts with the first heartbeat, a loss is reported once, the first heartbeat after it
+    tells the state again.
     """
     events: list[object] = []
     end = line.master.watch_heartbeat(5, 20 * MS, lambda: events.append("lost"), events.append)
@@ -129,7 +129,7 @@ def test_watched_heartbeat(line):
 
 @pytest.mark.requirement("C301-026")
 def test_loss_comes_exactly_after_the_timeout(line):
-    """The loss is told one timeout after the last heartbeat."""
+    """The loss is reported one timeout after the last heartbeat."""
     lost = []
     line.master.watch_heartbeat(5, 20 * MS, lambda: lost.append(line.scheduler.now))
     last = []

@@ -173,22 +173,24 @@ def test_leaving_operational_drops_a_waiting_rpdo(bench):
 
 
 @pytest.mark.parametrize(
-    ("command", "told"),
+    ("command", "reported"),
     [(0x80, ["nmt"]), (0x02, ["nmt"]), (0x81, ["nmt"]), (0x82, ["nmt"]), (0x01, [])],
 )
-def test_leaving_operational_is_told_to_the_device(bench, command, told):
-    """The device is told once when Operational is left by NMT, and not otherwise."""
+def test_leaving_operational_is_reported_to_the_device(bench, command, reported):
+    """The device is informed once when Operational is left by NMT, and not otherwise."""
     reasons = []
     bench.slave.on_communication_error.append(reasons.append)
     bench.nmt(NmtCommand.STOP)
     assert reasons == []
     bench.nmt(NmtCommand.START)
     bench.nmt(command)
-    assert reasons == told
+    assert reasons == reported
 
 
 def test_power_off_is_silence_at_once(bench):
-    """After power-off nothing is sent or received, not even what a timer had planned; power-on boots anew."""
+    """After power-off nothing is sent or received, not even what a timer had planned; power-on boots
+    again.
+    """
     bench.write(0x1017, 0, 10, 2)
     bench.nmt(NmtCommand.START)
     bench.slave.power_off()

@@ -142,7 +142,7 @@ def test_error_behaviour_is_kept(node, behaviour):
 )
 @pytest.mark.parametrize("code", list(AbortCode))
 def test_every_abort_code_reaches_the_client(bench, node, code):
-    """Whatever code the device gives for a read or a write, the library's client is told exactly that, and
+    """Whatever code the device gives for a read or a write, the library's client gets exactly that, and
     nothing is stored.
     """
 

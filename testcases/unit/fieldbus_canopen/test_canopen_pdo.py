@@ -175,7 +175,7 @@ def test_end_of_an_rpdo_timeout(bench, remedy):
         bench.nmt(NmtCommand.START)
         bench.send(0x205, "0F 00")
         bench.run(50)
-        assert bench.slave.errors.active == {0x8250: 0x11}  # it is watched anew
+        assert bench.slave.errors.active == {0x8250: 0x11}  # it is watched again
         bench.nmt(NmtCommand.RESET_COMMUNICATION)
     assert bench.slave.errors.active == {}
 
@@ -190,7 +190,7 @@ def test_one_length_error_replaces_the_other(bench):
 
 
 def test_length_error_is_new_after_a_reset(bench):
-    """After reset communication a wrong length is reported anew."""
+    """After reset communication a wrong length is reported again."""
     for _ in range(2):
         bench.nmt(NmtCommand.START)
         bench.take()

@@ -136,7 +136,7 @@ def test_refusal_ends_the_job_with_its_code(net, index, sub, data, code, words):
 
 @pytest.mark.requirement("C301-072", "C301-078")
 def test_silent_server(net):
-    """A server that does not answer is asked again, then the job ends; it is told of either with an abort."""
+    """A server that does not answer is asked again, then the job ends; it gets an abort in either case."""
     net.slaves[5].power_off()
     ended = []
     job = net.master.sdo(5).upload(0x1000, 0, ended.append)
@@ -271,7 +271,7 @@ def test_job_from_the_callback_of_another(net):
 @pytest.mark.parametrize("which", [1, 2, 60, 126])
 @pytest.mark.parametrize("direction", ["up", "down"])
 def test_lost_segment_of_a_block_is_repeated(net, direction, which):
-    """A segment that the bus has lost is sent again, without beginning anew."""
+    """A segment that the bus has lost is sent again, without a restart of the transfer."""
     size = 1500
     net.slaves[5].values[0x200200] = content(size)
     identifier = 0x585 if direction == "up" else 0x605

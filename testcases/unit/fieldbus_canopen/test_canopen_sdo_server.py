@@ -134,7 +134,7 @@ def test_silent_client_times_out(kit):
     bench.run()
     bench.sdo(size(0x21, 0x2001, 20))
     bench.run(30)
-    assert bench.sdo(bytes(8))[0] == 0x20  # still alive, and the time starts anew
+    assert bench.sdo(bytes(8))[0] == 0x20  # still alive, and the time starts again
     bench.take()
     bench.run(40)
     assert bench.take(ANSWER) == []

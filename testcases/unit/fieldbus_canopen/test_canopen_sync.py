@@ -96,8 +96,8 @@ def test_counter_is_expected_with_1019h(bench):
     assert bench.take(EMCY)[0][:2].hex() == "4082"
 
 
-def test_missing_sync_is_told(bench):
-    """In Operational a gap of more than 1.5 periods of 1006h is told once per gap and counted."""
+def test_missing_sync_is_reported(bench):
+    """In Operational a gap of more than 1.5 periods of 1006h is reported once per gap and counted."""
     lost = []
     bench.slave.sync.on_lost.append(lambda: lost.append(bench.scheduler.now))
     bench.write(0x1006, 0, 4000, 4)

@@ -31,7 +31,7 @@ def test_consumer_sets_the_clock_and_the_clock_goes_on(bench):
 
 @pytest.mark.requirement("C301-004")
 def test_consumer_takes_the_time_of_the_library(bench):
-    """The `canopen` library's TIME producer sets the clock to the time that it was told to send."""
+    """The `canopen` library's TIME producer sets the clock to the time that it was given to send."""
     bench.write(0x1012, 0, 0x80000100, 4)
     with PumpedNetwork(bench.segment) as network:
         network.time.transmit(441763200 + 3 * 86400 + 3661)

@@ -164,12 +164,12 @@ def test_texts_are_written_for_every_code():
     ],
 )
 def test_statusword_in_words(word, text):
-    """State and remarkable bits are told."""
+    """State and remarkable bits are named."""
     assert describe_statusword(word) == text
 
 
 def test_controlword_in_words():
-    """Command and halt are told."""
+    """Command and halt are named."""
     assert describe_controlword(0x000F) == "enable operation"
     assert describe_controlword(0x010F) == "enable operation, halt"
     assert describe_controlword(0x0080) == "fault reset"

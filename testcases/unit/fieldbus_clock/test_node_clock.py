@@ -121,7 +121,9 @@ def test_jitter_is_late_bounded_and_repeatable(bench, clock):
 
 
 def test_what_is_no_pace_is_refused(clock):
-    """Limits are told; a device on the time of the bench has no clock of its own."""
+    """Values beyond the limits are refused with the limits; a device on the time of the bench has no clock
+    of its own.
+    """
     with pytest.raises(
         ConfigurationError, match="drift: 100001 is not allowed; allowed: a number within 100000 ppm"
     ):

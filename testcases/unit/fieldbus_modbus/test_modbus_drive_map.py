@@ -132,7 +132,7 @@ def test_ds47_in_two_steps_and_one_at_a_time(g120):
 @pytest.mark.requirement("PD-329", "PD-331")
 @pytest.mark.parametrize(("header", "code"), [(0x2F00, 1), (0x2FF1, 1), (0x300A, 3), (0x000A, 3)])
 def test_wrong_headers_of_ds47(g120, header, code):
-    """A length of 0 or beyond 240 bytes, and another function than 2Fh, are told in 40603."""
+    """A length of 0 or beyond 240 bytes, and another function than 2Fh, are reported in 40603."""
     assert g120.write(40601, 1, header, 0x8001) == "done"
     g120.scheduler.run_for(S)
     assert g120.read(40601, 3) == [2, 0x2F00, code]

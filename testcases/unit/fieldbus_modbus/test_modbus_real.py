@@ -159,7 +159,7 @@ def test_a_request_before_the_end_is_carried_out(device):
 
 
 def test_the_server_is_for_this_machine_only(device):
-    """Without another wish it listens on loopback; an address that is taken is told."""
+    """Without an address it listens on loopback; an address that is taken is reported."""
     assert device.host == "127.0.0.1"
     with pytest.raises(BusError, match=str(device.port)):
         device.network.serve(port=device.port)

@@ -128,7 +128,7 @@ def test_unknown_functions_are_refused(server):
 @pytest.mark.requirement("MODB-032")
 def test_the_order_of_the_checks(server, registers):
     """Function before quantity before address before execution: with everything wrong, the first one is
-    told.
+    reported.
     """
     registers.add(Area.HOLDING_REGISTERS, Block(5000, 1, writable=False))
     few = ModbusServer(registers, functions=(16,))

@@ -169,7 +169,7 @@ def test_broken_requests_carry_the_error(words, error):
 
 
 def test_requests_that_cannot_be_made():
-    """Too long, out of range, or values that do not fit their format: told when encoding."""
+    """Too long, out of range, or values that do not fit their format: reported when encoding."""
     with pytest.raises(ParameterAccessError, match="longer than 240"):
         Request(1, RequestId.READ, 0, (Address(1),) * 40).encode()
     with pytest.raises(ParameterAccessError, match="70000"):

@@ -271,7 +271,7 @@ def test_facts_about_telegrams():
 
 
 def test_mistakes_are_named():
-    """Unknown telegrams and signals, and values out of range, are told with what is allowed."""
+    """Unknown telegrams and signals, and values out of range, are reported with what is allowed."""
     with pytest.raises(TelegramError, match=r"no telegram 8; there are: 1, 2, 3"):
         telegram(8)
     layout = telegram(3).setpoint

@@ -219,7 +219,7 @@ class Stage:
         return "" if all(abs(way - 5.0) < 0.1 for way in moved) else f"moved by {moved} instead of 5 mm"
 
     def print(self) -> str:
-        """Return a digest of everything recorded, but for what is told of the faults themselves."""
+        """Return a digest of everything recorded, except the events of the faults themselves."""
         trace = self.bench.trace()
         sha = hashlib.sha256()
         for group in trace.groups:

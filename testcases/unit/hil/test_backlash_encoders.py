@@ -206,7 +206,7 @@ def alarms(bench):
 
 @pytest.mark.requirement("CFG-545", "CFG-558")
 def test_the_motor_encoder_knows_nothing_of_the_play_of_the_machine():
-    """The axis moves by what it was told, the load by less after each reversal, and nothing is alarmed."""
+    """The axis moves by what was commanded, the load by less after each reversal, and nothing is alarmed."""
     with worn('["drive1"]', 0.5) as bench:
         axis = enabled(bench)
         for distance, missed in ((10.0, None), (-10.0, 0.5), (-5.0, 0.0), (5.0, 0.5)):
@@ -272,12 +272,12 @@ def test_play_can_keep_a_position_from_being_reached():
         Injector(bench).inject("mechanics.backlash", backlash_mm=10.0)
         axis.move_relative(-20.0, Velocity=100.0)
         bench.run_for(2.0)
-        told = [
+        reported = [
             entry.data
             for entry in bench.history.events
             if entry.kind == "alarm.raised" and entry.data["number"] == 541
         ]
-        assert [data["info"] for data in told] == [1]
+        assert [data["info"] for data in reported] == [1]
 
 
 def test_a_stepper_motor_has_no_play():

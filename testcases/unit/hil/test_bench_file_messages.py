@@ -136,7 +136,7 @@ def test_a_table_that_is_missing_or_no_table_is_shown_as_it_is_written(said, sub
 
 
 @pytest.mark.exhaustive
-def test_a_mistake_is_told_with_file_key_and_what_is_allowed(said, subtests):
+def test_a_mistake_is_reported_with_file_key_and_what_is_allowed(said, subtests):
     """One line blames the key or the value, whichever is wrong, and names the nearest right one."""
     for old, new, message in MISTAKES:
         with subtests.test(new):

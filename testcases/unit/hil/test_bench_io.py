@@ -301,7 +301,7 @@ def test_faults_of_a_pulse_module(kind, parameters, numbers):
 @pytest.mark.requirement("PTO-280", "PTO-310")
 @pytest.mark.parametrize(("kind", "parameters"), [("pto.step_loss", {"periods": 10}), ("mechanics.jam", {})])
 def test_lost_steps_are_seen_in_the_record_only(kind, parameters):
-    """No alarm; the record has the increments that are lost, and the position of the load beside that of the
+    """No alarm; the record has the increments that are lost, and the position of the load with that of the
     axis.
     """
     with load_bench("stepper").build(seed=1) as bench:
@@ -442,8 +442,8 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("text", "message"), WRONG, ids=[message[:40] for _, message in WRONG])
-def test_mistakes_are_told(text, message):
-    """Every mistake in stations, wires and profiles is told with place, value and what is allowed."""
+def test_mistakes_are_reported(text, message):
+    """Every mistake in stations, wires and profiles is reported with place, value and what is allowed."""
     with pytest.raises(BenchFileError) as caught:
         parse(text, "bench.toml")
     assert message in str(caught.value)

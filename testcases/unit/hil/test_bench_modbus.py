@@ -209,8 +209,8 @@ def test_silence_is_a_lost_link_and_its_end_a_link(name):
 @pytest.mark.requirement("MODB-025", "MODB-026", "MODB-027", "MODB-028", "MODB-030", "MODB-031")
 @pytest.mark.parametrize("code", [4, 5, 6, 7, 10, 11])
 def test_an_exception_is_a_missing_cycle(code):
-    """Exceptions that may pass (busy, acknowledge, a gateway without its target) cost cycles, and are told
-    with their name.
+    """Exceptions that may pass (busy, acknowledge, a gateway without its target) cost cycles, and are
+    reported with their name.
     """
     with bench() as machine:
         axis = moving(machine)
@@ -226,8 +226,8 @@ def test_an_exception_is_a_missing_cycle(code):
         machine.run_for(0.1)
         assert (axis.port.exceptions, axis.port.missed) == (2, 2)
         assert axis.port.link_ok
-        told = [event.data for event in machine.history.events if event.kind == "link.request_failed"]
-        assert [event["exception"] for event in told] == [code]
+        reported = [event.data for event in machine.history.events if event.kind == "link.request_failed"]
+        assert [event["exception"] for event in reported] == [code]
         left[0] = 1000
         machine.run_for(0.1)
         assert not axis.port.link_ok
@@ -258,7 +258,7 @@ def test_a_late_answer_is_discarded():
 
 @pytest.mark.requirement("MODB-042", "PD-292")
 def test_a_cut_cable_is_noticed_by_both_sides():
-    """Nobody is told of a cut cable: the axis misses its answers, the drive its process data (F01910), and
+    """A cut cable is not reported: the axis misses its answers, the drive its process data (F01910), and
     brakes.
     """
     changes = {"off1_ramp_s = 1.0": "off1_ramp_s = 1.0\nprofidrive = { sign_of_life = false }"}
@@ -275,7 +275,7 @@ def test_a_cut_cable_is_noticed_by_both_sides():
         assert axis.port.drive_fault_code == 1910
 
 
-def test_a_connection_that_is_reset_is_made_anew():
+def test_a_connection_that_is_reset_is_made_again():
     """A reset costs some cycles; the drive behind the new connection is the same, and keeps its reference."""
     with bench(replace={"cycle_ms = 4": "cycle_ms = 4\ngrace_cycles = 30"}) as machine:
         axis = moving(machine)
@@ -390,7 +390,7 @@ def test_a_parameter_that_there_is_not_is_refused_with_its_reason():
 
 
 def test_a_lost_drive_ends_what_was_asked_of_it():
-    """Who waits for a parameter of a drive that is lost is told, once."""
+    """A request for a parameter of a drive that is lost ends with one message."""
     with bench() as machine:
         answers = []
         lose(machine, 100_000)

@@ -168,7 +168,7 @@ def test_what_speaks_can_only_is_refused(table, key):
         parse(text, "own.toml")
 
 
-def test_a_map_beside_the_bench_file_is_found_and_part_of_its_digest(tmp_path):
+def test_a_map_next_to_the_bench_file_is_found_and_part_of_its_digest(tmp_path):
     """A register map of one's own counts like the text of the bench file."""
     bench = read("profidrive_tcp")[1].replace('"sinamics_g120"', '"own.toml"')
     bench = bench.replace('PositionLimits_HW.Active" = true', 'PositionLimits_HW.Active" = false')

@@ -117,7 +117,7 @@ def test_another_drive_than_in_the_bench_file_blocks(key):
 
 
 def test_refused_parameter_is_named(monkeypatch):
-    """A drive that refuses a parameter is told with object, value and the reason in words."""
+    """A drive that refuses a parameter is reported with object, value and the reason in words."""
     original = CiA402Drive.power_on
 
     def strict(drive):
@@ -214,7 +214,7 @@ def test_state_of_a_component_that_there_is_not():
         Injector(bench).inject("drive.sto", "drive1", trigger=state("drive3", "Operation enabled"))
 
 
-def test_frames_of_equal_node_ids_are_told_apart_by_their_segment():
+def test_frames_of_equal_node_ids_are_distinguished_by_their_segment():
     """Decoded for its segment, a frame is that of the node there; a segment that there is not is named."""
     text = TWO_SEGMENTS.replace("node_id = 6", "node_id = 5")
     with BenchFile("two.toml", text).build() as bench:
@@ -466,7 +466,7 @@ def test_supply_that_comes_and_goes(seed):
 
 @pytest.mark.parametrize(("bitrate", "cycle_ms"), [(1_000_000, 2), (500_000, 4), (125_000, 20), (50_000, 60)])
 def test_every_bit_rate(bitrate, cycle_ms):
-    """At any bit rate a drive is configured anew in the running cycle, and no SDO makes a SYNC wait."""
+    """At any bit rate a drive is configured again in the running cycle, and no SDO makes a SYNC wait."""
     text = TWO_AXES.format(first="", second="store_parameters = false")
     text = text.replace("cycle_ms = 4", f"cycle_ms = {cycle_ms}")
     text = text.replace("[segment.can0]", f"[segment.can0]\nbitrate = {bitrate}")

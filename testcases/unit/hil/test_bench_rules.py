@@ -135,7 +135,9 @@ def test_the_resolution_of_an_axis_follows_the_encoder_of_its_drive(bench_file, 
 
 @pytest.mark.exhaustive
 def test_check_says_what_to_change_and_ends_with_1(bench_file, capsys):
-    """A bench that cannot work is told with axis, sentence, alarm and keys, on the terminal and as JSON."""
+    """A bench that cannot work is reported with axis, sentence, alarm and keys, on the terminal and as
+    JSON.
+    """
     path = str(bench_file(TRIPPED["switch-level"]))
     assert main(["check", path]) == 1
     shown = capsys.readouterr().err
@@ -156,7 +158,7 @@ def test_check_says_what_to_change_and_ends_with_1(bench_file, capsys):
     assert "similar: switch-level" in capsys.readouterr().err
 
 
-def test_an_alarm_that_no_rule_foresees_is_told_with_its_keys(bench_file, capsys):
+def test_an_alarm_that_no_rule_foresees_is_reported_with_its_keys(bench_file, capsys):
     """Software limits that contradict each other are alarm 104 after the start."""
     more = (
         '\n[axis.x.variables]\n"PositionLimits_SW.Active" = true\n"PositionLimits_SW.MinPosition" = 10.0\n'

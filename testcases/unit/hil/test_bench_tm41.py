@@ -92,7 +92,7 @@ ADDED = [
 )
 def test_settings_that_do_not_fit(row, variables):
     """Following-error monitoring, hardware limits and backlash compensation are off, precontrol is 100 %, and
-    there is no time constant; else it is told.
+    there is no time constant; else it is reported.
     """
     text, message = row
     with pytest.raises(BenchFileError, match="CFG-413") as caught:

@@ -102,7 +102,7 @@ def test_fixed_stop():
 
 @pytest.mark.exhaustive
 @pytest.mark.requirement("MC-585")
-def test_a_drive_that_has_started_anew_gets_the_limit_again():
+def test_a_drive_that_has_started_again_gets_the_limit_again():
     """A power cycle of the drive takes the limit away; it is written again when the drive is back."""
     with bench() as machine:
         axis = enabled(machine)

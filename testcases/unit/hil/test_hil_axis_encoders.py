@@ -158,7 +158,7 @@ class TestExternalEncoder:
 
 
 class TestSecondEncoder:
-    """A scale at the load beside the motor encoder."""
+    """A scale at the load next to the motor encoder."""
 
     @pytest.mark.requirement("CFG-314", "CFG-315", "CFG-318", "CFG-284", "VAR-108", "VAR-027", "CFG-524")
     def test_both_are_read(self):

@@ -50,7 +50,7 @@ def test_load_of_four_axes_is_the_computed_one():
     frames = [frame for frame in trace.frames if begin < frame.time_ns / 1e9 <= begin + 1.0]
     computed = 100.0 * sum(bits_of(frame.can_id, frame.data) for frame in frames) / 1_000_000
     assert np.mean(recorded) == pytest.approx(computed, rel=0.01)
-    # Per cycle: SYNC, and per drive one setpoint and two actual-value PDOs; heartbeats beside them.
+    # Per cycle: SYNC, and per drive one setpoint and two actual-value PDOs; heartbeats in addition.
     assert len(frames) == pytest.approx(500 * (1 + 4 * 3), rel=0.03)
     assert 60.0 < computed < 85.0
 

@@ -144,7 +144,7 @@ def raising(error):
     ],
 )
 def test_every_way_to_end_has_its_verdict(function, verdict, words):
-    """Failed, blocked and error are told apart, with a message that says why."""
+    """Failed, blocked and error are distinguished, with a message that says why."""
     result = run(function)
     assert result.verdict is verdict
     assert words in result.message

@@ -122,8 +122,8 @@ def test_corrupt_for_one_node_only(bench, faults):
     bench.run_for(0.1)
     faults.inject("frame.corrupt", count=1, can_id=TPDO, field="data", bit=2, nodes="controller")
     bench.run_for(0.02)
-    told = [entry for entry in bench.history.events if entry.kind == "can.bus_error"]
-    assert told[0].data["code"] in ("ACK_ERROR", "CRC_ERROR")
+    reported = [entry for entry in bench.history.events if entry.kind == "can.bus_error"]
+    assert reported[0].data["code"] in ("ACK_ERROR", "CRC_ERROR")
 
 
 @pytest.mark.parametrize(("field", "bit"), [("header", 0), ("id", 64)])
@@ -159,7 +159,7 @@ def test_stuck_dominant_takes_a_sender_to_bus_off(bench, faults):
 
 @pytest.mark.requirement("CANP-078")
 def test_cable_break_leaves_two_working_parts(bench, faults):
-    """Nodes of one side hear each other and nobody else; mended, everybody hears everybody."""
+    """Nodes of one side hear each other and nobody else; after the repair everybody hears everybody."""
     heard = {"near": [], "far": []}
     medium = bench.medium
     ears = {
@@ -211,14 +211,14 @@ def test_unplugged_node_stays_error_passive_and_comes_back(bench, faults):
     assert drive.state is NodeState.ERROR_ACTIVE
 
 
-def check_cable_may_break_and_be_mended_at_any_time(offset_us):
+def check_cable_may_break_and_be_repaired_at_any_time(offset_us):
     bench = ToyBench(seed=1)
     bench.run_for(0.1)
     bench.scheduler.run_for(offset_us * US)
-    mend = bench.medium.cut(["drive1"])
+    repair = bench.medium.cut(["drive1"])
     bench.scheduler.run_for(offset_us * 3 * US)
-    mend()
-    mend()
+    repair()
+    repair()
     bench.run_for(0.2)
     now = bench.scheduler.now / S
     assert len(frames(bench, TPDO, now - 0.1)) == 25
@@ -226,11 +226,11 @@ def check_cable_may_break_and_be_mended_at_any_time(offset_us):
 
 
 @pytest.mark.exhaustive
-def test_cable_may_break_and_be_mended_at_any_time(subtests):
+def test_cable_may_break_and_be_repaired_at_any_time(subtests):
     """In the middle of frames or between them: afterwards everybody talks with everybody again."""
     for label, values in each(range(0, 4200, 97)):
         with subtests.test(label):
-            check_cable_may_break_and_be_mended_at_any_time(*values)
+            check_cable_may_break_and_be_repaired_at_any_time(*values)
 
 
 @pytest.mark.requirement("CANP-078")
@@ -289,12 +289,12 @@ def test_missing_acknowledge(bench, faults):
     errors = frames(bench, None, 0.1, good=False)
     assert errors
     assert {entry[3] for entry in errors} <= {"ACK_ERROR", "FORM_ERROR", "BIT_ERROR"}
-    told = {
+    reported = {
         entry.data["port"]: entry.data["status"]
         for entry in bench.history.events
         if entry.kind == "can.status"
     }
-    assert "controller" in told
+    assert "controller" in reported
 
 
 @pytest.mark.requirement("CANP-041")
@@ -327,7 +327,7 @@ def test_receive_delay_of_one_node(bench, faults):
 
 def test_transmit_overrun(bench, faults):
     """With one buffer a node that sends four frames at once loses those that do not fit, and the overrun is
-    told.
+    reported.
     """
     bench.run_for(0.101)
     drive = port(bench, "drive1")

@@ -215,8 +215,8 @@ def test_a_step_of_the_setpoint_is_found(good):
 @pytest.mark.requirement("STP-239", "STP-244")
 @pytest.mark.parametrize(("landing", "found"), [(0.0, True), (0.98, False)])
 def test_a_setpoint_that_jumps_with_the_state_is_found(landing, found):
-    """At a change of state the setpoint may start anew among the actual velocities, and nowhere else: gone at
-    once is no ramp.
+    """At a change of state the setpoint may start again among the actual velocities, and nowhere else: gone
+    at once is no ramp.
     """
     with load_bench("reference").build(seed=1) as bench:
         axis = bench.axis()

@@ -49,7 +49,7 @@ def test_one_run_in_a_folder_at_a_time(capsys, tmp_path):
     assert call(capsys, *run)[0] == 0
 
 
-def test_a_report_that_cannot_be_there_is_told(capsys, tmp_path):
+def test_a_report_that_cannot_be_there_is_reported(capsys, tmp_path):
     """A file in place of the folder is named before anything runs."""
     (tmp_path / "rep").write_text("mine")
     code, _, err = call(capsys, "run", TOY, "--select", "chance", "--report", "rep/sub")

@@ -180,7 +180,7 @@ def test_messages_of_a_device_can_be_named(bench_file, place):
             drop("ghost")
 
 
-def test_node_beside_a_drive_changes_nothing_for_the_axis(bench_file):
+def test_node_next_to_a_drive_changes_nothing_for_the_axis(bench_file):
     """A bench with drive, axis and node comes up, and its decoder knows the node's name."""
     with bench_file(DRIVE + NODE + AXIS).build() as bench:
         assert (bench.drive_names, bench.device_names) == (("d",), ("io",))
@@ -265,8 +265,8 @@ def test_digest_of_a_bench_covers_its_eds_files(bench_file, tmp_path):
 
 @pytest.mark.parametrize("name", ["io", "d"])
 def test_an_eds_is_read_once_until_it_changes(bench_file, tmp_path, monkeypatch, name):
-    """Benches of one process share what they read of an EDS, and take the file anew when somebody has changed
-    it.
+    """Benches of one process share what they read of an EDS, and take the file again when somebody has
+    changed it.
     """
     eds = tmp_path / "own.eds"
     eds.write_text(STATION if name == "io" else SERVO.read_text())

@@ -50,7 +50,7 @@ def test_a_case_at_a_time(capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reported"),
     [
         (["nowhere.toml"], "nowhere.toml"),
         (["reference", "--axis", "y"], "axis1"),
@@ -60,7 +60,7 @@ def test_a_case_at_a_time(capsys):
         (["--token", "GONE"], "no case"),
     ],
 )
-def test_what_cannot_be_shown_is_told(capsys, arguments, told):
+def test_what_cannot_be_shown_is_reported(capsys, arguments, reported):
     """Exit code 2 and a message that names it."""
     tokens = {
         "TOKEN": Token(case="stop-modes/halt/constant", seed=1, campaign=CAMPAIGN).encode(),
@@ -68,7 +68,7 @@ def test_what_cannot_be_shown_is_told(capsys, arguments, told):
     }
     code, _, err = call(capsys, "diag", *[tokens.get(one, one) for one in arguments])
     assert code == 2
-    assert told in err
+    assert reported in err
 
 
 @pytest.mark.requirement("DIA-109", "VAR-089")

@@ -551,8 +551,8 @@ def test_encoder_scale(rig):
 
 @of_kind("encoder.wire_break")
 def test_encoder_wire_break(rig):
-    """Value frozen, 7305h, coasting, no reset before it is mended; the reference of an incremental encoder is
-    lost.
+    """Value frozen, 7305h, coasting, no reset before it is repaired; the reference of an incremental encoder
+    is lost.
     """
     rig.drive.axis.homed = True
     rig.move()

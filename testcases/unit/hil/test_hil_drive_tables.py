@@ -187,7 +187,7 @@ def test_wrong_values_are_refused_with_what_is_allowed(keys, message):
         BenchFile("own.toml", BENCH.format(keys=keys))
 
 
-def test_a_personality_of_your_own_lies_beside_the_bench_file(tmp_path, monkeypatch, capsys):
+def test_a_personality_of_your_own_is_next_to_the_bench_file(tmp_path, monkeypatch, capsys):
     """A relative path starts at the bench file, from wherever the command runs; another process finds it
     again.
     """

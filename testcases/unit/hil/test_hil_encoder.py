@@ -485,6 +485,6 @@ HEAD = '[encoder.a]\nsegment = "can0"\nnode_id = 20\n'
     ],
 )
 def test_mistakes_in_the_bench_file(extra, words):
-    """Every mistake is told with key, value and what is allowed."""
+    """Every mistake is reported with key, value and what is allowed."""
     with pytest.raises(BenchFileError, match=words):
         BenchFile("own.toml", REFERENCE + extra)

@@ -185,7 +185,7 @@ def test_a_cluster_gives_what_this_machine_gives_also_when_a_worker_is_killed(cl
             assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "there" / name).read_bytes(), name
 
 
-def test_a_cluster_that_is_not_there_is_told(monkeypatch):
+def test_a_cluster_that_is_not_there_is_reported(monkeypatch):
     """Without a scheduler, or without the package, the run does not begin, and says what is missing."""
     from hil.campaign import _cluster
 

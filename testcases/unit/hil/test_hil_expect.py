@@ -122,7 +122,7 @@ def test_a_reference_that_did_not_happen_fails():
 
 
 def test_job_outputs():
-    """The output of a job is found by name, with bound and ErrorID; what came instead is told."""
+    """The output of a job is found by name, with bound and ErrorID; what came instead is reported."""
     trace = make()
     assert passed(job_output("move1", "Error", within_s=0.01, since=FAULT, error_id=0x8001), trace)
     assert not passed(job_output("move1", "Error", error_id=0x800F), trace)
@@ -145,7 +145,7 @@ def test_events_happen_or_never_do():
 
 
 def test_the_order_of_events_is_that_of_the_log():
-    """Events of one instant are in order too; a missing or early one is told apart."""
+    """Events of one instant are in order too; a missing and an early one are distinguished."""
     trace = make()
     fault, error, stopped = (
         event("drive.state", to="FAULT"),

@@ -24,7 +24,7 @@ mounting = "load"
 
 @pytest.fixture
 def machine():
-    """The reference bench with three scales at the load beside the encoder of the drive."""
+    """The reference bench with three scales at the load next to the encoder of the drive."""
     text = read("reference")[1].replace(
         'drive = "drive1"\n', 'drive = "drive1"\nencoders = ["drive1", "fine", "coarse", "third"]\n'
     )

@@ -130,7 +130,7 @@ def test_a_program_leaves_evidence_like_a_case():
     assert result.trace_digest == run_program(TRIP, BENCH, seed=2).result.trace_digest
 
 
-def test_a_step_that_the_bench_cannot_do_is_skipped_and_told():
+def test_a_step_that_the_bench_cannot_do_is_skipped_and_reported():
     """An unsupported fault is skipped with its reason, and the program goes on."""
 
     class Live(ToyBenchFile):
@@ -283,7 +283,7 @@ def test_another_seed_searches_elsewhere():
     assert tried(1) != tried(2)
 
 
-def test_a_bench_that_does_not_repeat_is_told():
+def test_a_bench_that_does_not_repeat_is_reported():
     """A failing program that leaves another trace when it is run again is reported as not repeatable."""
 
     class NoisyDouble(ToyBenchFile):

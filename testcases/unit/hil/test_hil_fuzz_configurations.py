@@ -1,5 +1,5 @@
 """Searches over configurations: what is laid over the bench file, what it means to a program, how a finding
-is told and kept.
+is reported and kept.
 """
 
 import json
@@ -47,7 +47,9 @@ def test_a_bench_file_is_written_again_as_the_same_bench(name):
 
 
 def test_tables_are_merged_and_the_rest_is_replaced():
-    """Keys beside a changed one stay; a value takes the place of a table and the other way round."""
+    """Keys of the same table as a changed one stay; a value takes the place of a table and the other way
+    round.
+    """
     base = {"a": {"b": 1, "c": [1, 2]}, "d": 2}
     assert merged(base, {"a": {"c": [3]}, "e": {}}) == {"a": {"b": 1, "c": [3]}, "d": 2, "e": {}}
     assert merged(base, {"d": {"f": 1}, "a": 5}) == {"a": 5, "d": {"f": 1}}
@@ -58,7 +60,7 @@ def test_tables_are_merged_and_the_rest_is_replaced():
 
 
 @pytest.mark.parametrize("codes", [(1010, 1061), (1019, 1066), (1013, 1524)])
-def test_units_are_told_the_axis_and_the_program_alike(codes):
+def test_axis_and_program_have_the_same_units(codes):
     """The numbers of a program are mm whatever the axis counts in: the machine does the same."""
     steps = (*ON, Do("home"), Do("move_absolute", {"position": 60.0, "velocity": 200.0}), Wait(1.0))
     units = dict(zip(("length", "velocity"), codes, strict=True))
@@ -169,6 +171,6 @@ def test_the_command_line_searches_configurations(tmp_path, monkeypatch, capsys)
     """`hil fuzz --configurations` reaches configurations and says how many the bench file has refused."""
     monkeypatch.chdir(tmp_path)
     assert main(["fuzz", "--configurations", "--cases", "3", "--steps", "1", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["reached"]["configuration"] > 0
-    assert told["refused"] == 0
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["reached"]["configuration"] > 0
+    assert reported["refused"] == 0

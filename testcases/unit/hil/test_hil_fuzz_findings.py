@@ -57,7 +57,7 @@ FINDINGS = {
 
 
 @pytest.mark.parametrize("name", FINDINGS)
-def test_what_was_found_stays_mended(name):
+def test_what_was_found_stays_corrected(name):
     """No invariant and no rule is broken any more."""
     bench, steps = FINDINGS[name]
     assert run_program(Program.from_json(steps), load_bench(bench)).violation is None

@@ -46,7 +46,7 @@ TRIP = Program((*MOVE.steps, Break(Fault("drive.fault", parameters={"code": 0x23
 
 
 def test_situations_tell_what_came_together():
-    """States, instructions, faults and alarms are told with the state of the axis in which they came."""
+    """States, instructions, faults and alarms are reported with the state of the axis in which they came."""
     reached = situations_of(run_program(TRIP, BENCH).trace)
     assert {situation[0] for situation in reached} <= set(FAMILIES)
     assert ("job", "MC_MoveVelocity", "STANDSTILL") in reached
@@ -59,7 +59,7 @@ def test_situations_tell_what_came_together():
 
 
 def test_a_second_alarm_and_a_refused_job_are_situations():
-    """An alarm beside another, and an ErrorID, count on their own."""
+    """An alarm together with another, and an ErrorID, count on their own."""
     both = Program(
         (
             *MOVE.steps,

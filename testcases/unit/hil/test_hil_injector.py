@@ -232,7 +232,7 @@ def test_count_repeats_an_application(bench, faults):
     assert [kind for kind, _ in kinds(bench)] == ["fault.armed", *["fault.applied", "fault.removed"] * 2]
 
 
-def test_remove_all_mends_everything(bench, faults):
+def test_remove_all_repairs_everything(bench, faults):
     """After `remove_all` nothing is broken, and what had not been applied says so."""
     faults.inject("mechanics.jam")
     faults.inject("switch.press", input="home")
@@ -265,8 +265,8 @@ def test_remove_all_mends_everything(bench, faults):
         ("encoder.freeze", {}, lambda drive: drive.frozen is not None),
     ],
 )
-def test_lasting_faults_break_and_mend(bench, faults, kind, options, broken):
-    """A lasting fault breaks its part while it is active and mends it afterwards."""
+def test_lasting_faults_break_and_repair(bench, faults, kind, options, broken):
+    """A lasting fault breaks its part while it is active and repairs it afterwards."""
     before = vars(bench.toy_drive).copy()
     armed = faults.inject(kind, "drive1", **options)
     assert armed.active
@@ -413,7 +413,7 @@ def test_duplicated_and_replaced_frames(bench, faults):
 
 
 def test_injected_frames_come_at_their_period(bench, faults):
-    """A foreign node sends as often as told, at the given distance; without an end it sends once."""
+    """A foreign node sends as often as given, at the given distance; without an end it sends once."""
     got = heard(bench, 0x333)
     armed = faults.inject("frame.inject", can_id=0x333, data="01", period_s=0.003, count=4)
     bench.run_for(0.1)

@@ -129,7 +129,7 @@ def test_signals_of_a_log_are_those_of_the_case(case, recorded):
 
 
 def test_what_the_controller_keeps_to_itself_is_blocked(recorded):
-    """Alarms and jobs are not on the bus: such a check is blocked with the reason, a slip of the pen is an
+    """Alarms and jobs are not on the bus: such a check is blocked with the reason, a misspelt name is an
     error.
     """
     log = recorded
@@ -438,7 +438,7 @@ def test_the_command_judges_and_reports(log_file, tmp_path, capsys, by, more, co
 
 
 def test_the_command_judges_a_saved_trace(case, tmp_path, capsys):
-    """The evidence of a case is judged anew, alarms included, without any bench file."""
+    """The evidence of a case is judged again, alarms included, without any bench file."""
     case.save(tmp_path / "trace")
     file = tmp_path / "alarms.py"
     file.write_text(

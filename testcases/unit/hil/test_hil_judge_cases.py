@@ -152,19 +152,21 @@ def test_a_case_and_its_log_get_the_same_verdicts(number, campaign, identifier, 
         *about_words(trace, end_s),
         *own,
     ):
-        live, told = expectation.evaluate(trace), expectation.evaluate(log)
-        if [check.verdict for check in live] == [check.verdict for check in told]:
+        live, reported = expectation.evaluate(trace), expectation.evaluate(log)
+        if [check.verdict for check in live] == [check.verdict for check in reported]:
             same += 1
-            if live[0].value is not None and told[0].value is not None:
-                one, other = margin(live[0]), margin(told[0])
+            if live[0].value is not None and reported[0].value is not None:
+                one, other = margin(live[0]), margin(reported[0])
                 mine, theirs = (
-                    (live[0].value, told[0].value) if one is None or other is None else (one, other)
+                    (live[0].value, reported[0].value) if one is None or other is None else (one, other)
                 )
                 allowed = 0.006 if live[0].unit == "s" else 0.05 + abs(live[0].value) * 1e-3
-                assert abs(mine - theirs) <= allowed, (expectation.wanted, live[0], told[0])
+                assert abs(mine - theirs) <= allowed, (expectation.wanted, live[0], reported[0])
             continue
-        unlike = [check for one, check in zip(live, told, strict=False) if one.verdict is not check.verdict]
-        assert all(check.verdict is Verdict.BLOCKED for check in unlike), (expectation.wanted, live, told)
+        unlike = [
+            check for one, check in zip(live, reported, strict=False) if one.verdict is not check.verdict
+        ]
+        assert all(check.verdict is Verdict.BLOCKED for check in unlike), (expectation.wanted, live, reported)
         assert all(
             any(
                 word in check.observed
@@ -179,5 +181,5 @@ def test_a_case_and_its_log_get_the_same_verdicts(number, campaign, identifier, 
                 )
             )
             for check in unlike
-        ), told
+        ), reported
     assert same >= 25, same

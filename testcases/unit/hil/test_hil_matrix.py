@@ -187,7 +187,7 @@ def test_a_reduced_matrix_is_the_same_in_every_process(write):
         ('"cia402", "profidrive"]', '"stepper"]', "exclude[1].drive"),
     ],
 )
-def test_mistakes_are_told_with_place_and_what_is_allowed(write, old, new, words):
+def test_mistakes_are_reported_with_place_and_what_is_allowed(write, old, new, words):
     """File, key, value, what is allowed, and the nearest word."""
     path = write(FILE.replace(old, new, 1))
     with pytest.raises(ConfigurationError) as caught:
@@ -267,7 +267,7 @@ def test_a_matrix_is_found_as_file_in_a_directory_and_in_a_package(write, tmp_pa
             find_campaigns([nowhere])
 
 
-def test_a_bench_file_beside_the_matrix_and_one_of_ones_own(write, tmp_path):
+def test_a_bench_file_next_to_the_matrix_and_one_of_ones_own(write, tmp_path):
     """Paths count from the matrix file; a bench of one's own takes its place among drives and transports."""
     (tmp_path / "ours.toml").write_text("")
     text = 'title = "x"\n[factors]\nbench = ["ours.toml", "reference"]\nstop = ["halt"]\n'

@@ -57,7 +57,7 @@ def test_a_slip_in_motion_adds_to_the_way_of_the_load():
 
 
 def test_a_broken_coupling_leaves_the_load_to_itself():
-    """The motor goes on as told with less torque; the load coasts with what it has and comes to rest by
+    """The motor goes on as commanded with less torque; the load coasts with what it has and comes to rest by
     friction.
     """
     trace, when = machine("mechanics.coupling_break", velocity=200.0, after_s=0.5, motor_share=0.4)

@@ -142,7 +142,7 @@ def test_an_exception_keeps_the_drive_from_doing_it():
 
 
 @pytest.mark.parametrize("name", ["profidrive", "profidrive_tcp", "profidrive_rtu"])
-def test_telegrams_are_told_in_words_on_every_bus(name):
+def test_signals_of_telegrams_are_named_on_every_bus(name):
     """The log of a bus names the signals, in hexadecimal and in their unit."""
     with bench(name) as machine:
         axis = machine.axis()
@@ -182,7 +182,7 @@ def test_a_control_word_says_what_it_asks_for(word, text):
     assert command(word) == text
 
 
-def test_a_signal_that_stands_in_two_frames_is_told_in_parts():
+def test_a_signal_that_stands_in_two_frames_is_shown_in_parts():
     """Of a double word half of which is in the next PDO the words are named."""
     from fieldbus.profidrive import Layout
     from hil.bench.signal_texts import SignalTexts

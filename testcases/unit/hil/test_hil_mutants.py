@@ -240,11 +240,11 @@ def test_a_run_that_was_ended_goes_on(capsys, green, monkeypatch, tmp_path):
     were not caught.
     """
     arguments = ["--catalogue", f"{TOY}:FEW", "--campaign", green, "--json", "--report", "rep"]
-    told = []
+    reported = []
 
     def tell(_, result, done, total):
-        told.append(f"{done}/{total} {result.mutant.name}")
-        if len(told) == 1:
+        reported.append(f"{done}/{total} {result.mutant.name}")
+        if len(reported) == 1:
             raise KeyboardInterrupt
 
     with monkeypatch.context() as during:
@@ -257,16 +257,16 @@ def test_a_run_that_was_ended_goes_on(capsys, green, monkeypatch, tmp_path):
         assert json.loads(file.read_text())["interrupted"] is True
         code, out, _ = call(capsys, *arguments, "--resume")
         assert code == 1, "one has survived"
-        assert told == ["1/3 slope-inverted", "2/3 stays-closed", "3/3 survives"]
+        assert reported == ["1/3 slope-inverted", "2/3 stays-closed", "3/3 survives"]
         found = json.loads(out)
         assert [entry["status"] for entry in found] == ["caught", "caught", "survived"]
         assert json.loads(file.read_text())["mutants"] == found
-        told[:] = ["again"]
+        reported[:] = ["again"]
         code, out, _ = call(capsys, *arguments, "--resume", "--last-failed")
-        assert (code, told[1:], json.loads(out)[:2]) == (1, ["3/3 survives"], found[:2])
-        told[:] = ["only"]
+        assert (code, reported[1:], json.loads(out)[:2]) == (1, ["3/3 survives"], found[:2])
+        reported[:] = ["only"]
         code, out, _ = call(capsys, *arguments, "--last-failed")
-        assert (code, told[1:], [entry["name"] for entry in json.loads(out)]) == (
+        assert (code, reported[1:], [entry["name"] for entry in json.loads(out)]) == (
             1,
             ["1/1 survives"],
             ["survives"],
@@ -319,7 +319,7 @@ def test_a_red_baseline_stops_everything(capsys):
         (["--last-failed", "--report", "nowhere"], "does not exist"),
     ],
 )
-def test_what_cannot_run_is_told(capsys, arguments, words):
+def test_what_cannot_run_is_reported(capsys, arguments, words):
     """Wrong names end with 2 and say what is allowed."""
     code, _, err = call(capsys, *arguments)
     assert code == 2

@@ -1,4 +1,4 @@
-"""A bench without axes: silent beside somebody else's controller, and between it and its drives."""
+"""A bench without axes: silent with somebody else's controller, and between it and its drives."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_it_records_the_load(desk):
     assert seconds == pytest.approx(20 * frame_bits(STATUS) / 1_000_000)
 
 
-def test_it_injects_when_told(desk):
+def test_it_injects_on_request(desk):
     """What a fault sends is all that it sends."""
     desk.faults.inject("frame.inject", can_id=0x000, data="8005", count=3)
     desk.bench.run_for(0.2)
@@ -157,7 +157,7 @@ def test_it_injects_when_told(desk):
     ],
 )
 def test_faults_hit_frames_between_strangers(bridged, kind, parameters, heard):
-    """Every fault on frames works on what passes the bridge, by drive and message, and is told with its
+    """Every fault on frames works on what passes the bridge, by drive and message, and is reported with its
     hits.
     """
     armed = bridged.faults.inject(kind, drive="x", message="tpdo1", **parameters)

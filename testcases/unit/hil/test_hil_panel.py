@@ -51,7 +51,7 @@ def test_a_script(capsys, tmp_path):
 @pytest.mark.requirement("STP-033")
 def test_a_piped_session_in_plain_lines(capsys, tmp_path):
     """No prompt, no escape sequences; units and following error in every state; jog says how long it goes on;
-    an error is told in words until it is acknowledged, and the axis then stays off until it is enabled.
+    an error is shown in words until it is acknowledged, and the axis then stays off until it is enabled.
     """
     text = (
         "take\nenable\nwait 0.5\njog -50\nslide 0\nwait 0.5\nabs 5\nack\nwait 1\nenable\nwait 0.5\nslide 0\n"
@@ -80,7 +80,7 @@ def test_a_piped_session_in_plain_lines(capsys, tmp_path):
 
 
 def test_the_error_of_a_job_without_an_alarm(capsys, tmp_path):
-    """It is told in words until the next command that does something."""
+    """It is shown in words until the next command that does something."""
     text = "take\nenable\nwait 0.5\nadjust-encoder 5\nwait 0.1\nslide 0\n"
     _, lines, _ = script(capsys, tmp_path, text)
     assert "MC_Home failed, 16#" in lines[3]
@@ -89,7 +89,7 @@ def test_the_error_of_a_job_without_an_alarm(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ("enable\n", "does not have master control"),
         ("fly\n", "one of take, release"),
@@ -98,11 +98,11 @@ def test_the_error_of_a_job_without_an_alarm(capsys, tmp_path):
         ("take\nenable\nwait 0.5\nslide 130\n", "-100 to 100 %"),
     ],
 )
-def test_a_line_that_cannot_be_carried_out(capsys, tmp_path, text, told):
+def test_a_line_that_cannot_be_carried_out(capsys, tmp_path, text, reported):
     """The script ends with exit code 1, and says why."""
     code, _, err = script(capsys, tmp_path, text)
     assert code == 1
-    assert told in " ".join(err.split())
+    assert reported in " ".join(err.split())
 
 
 def test_the_end_of_the_input_gives_the_axis_back(capsys, tmp_path, monkeypatch):
@@ -224,7 +224,7 @@ def test_what_is_wrong_shows(variables, direction, scale, velocity):
 
 
 @pytest.mark.requirement("MIN-008")
-def test_what_is_recommended_is_told(capsys, tmp_path):
+def test_what_is_recommended_is_reported(capsys, tmp_path):
     """Taking the axis tells which limit switches and monitorings are off; nothing of it is demanded."""
     code, _, err = script(capsys, tmp_path, "take\n", name="reference")
     assert code == 0
@@ -252,7 +252,7 @@ def test_what_is_recommended_is_told(capsys, tmp_path):
 @pytest.mark.parametrize("name", ["fast", "speed", "profidrive_tcp", "profidrive_rtu", "analog", "stepper"])
 def test_a_script_on_every_bench(capsys, tmp_path, name):
     """Take, enable, jog, stop, give back, whatever the drive and its bus; a line that does not fit to it is
-    told with its number.
+    reported with its number.
     """
     code, lines, err = script(
         capsys,

@@ -235,7 +235,7 @@ def test_faults_are_removed_after_a_test(pytester):
         ("def test(bench): pass", ["--hil-bench=testcases.unit.hil.toybench:NOTHING"], "*NOTHING*"),
     ],
 )
-def test_mistakes_are_told(pytester, source, options, words):
+def test_mistakes_are_reported(pytester, source, options, words):
     """A wrong mark and a wrong bench are reported with their names."""
     pytester.makepyfile(source)
     result = pytester.runpytest("-p", "no:cacheprovider", *options)
@@ -265,7 +265,7 @@ def test_a_wrong_bench_file_is_one_message_without_a_traceback(pytester):
     assert "bad.toml: bench.nmae: unknown key" in failure
 
 
-def test_an_error_in_code_without_source_is_told(pytester):
+def test_an_error_in_code_without_source_is_reported(pytester):
     """A test fails like any other when code that a library generates has raised: its lines are not there."""
     pytester.makepyfile(
         """

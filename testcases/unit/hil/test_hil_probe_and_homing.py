@@ -102,7 +102,7 @@ def test_switches_index_and_homing_come_from_the_file():
         ({"homing": 'offset = "other"'}, "'profile' or 'vendor'"),
     ],
 )
-def test_mistakes_are_told(parts, message):
+def test_mistakes_are_reported(parts, message):
     """What does not fit together is refused with key, value and what is allowed."""
     with pytest.raises(BenchFileError, match=message):
         file(**parts)

@@ -190,7 +190,7 @@ def test_a_drive_fault_is_seen_with_its_number(code, number):
 
 @pytest.mark.requirement("PD-152", "PD-164", "PD-165")
 def test_an_encoder_error_is_reported_and_acknowledged():
-    """A cut wire makes G1_ZSW.15 and a fault; mended and acknowledged, the axis has its actual value
+    """A cut wire makes G1_ZSW.15 and a fault; after repair and acknowledgement the axis has its actual value
     again.
     """
     with bench() as machine:
@@ -222,7 +222,7 @@ def test_a_fault_of_the_encoder_is_an_alarm_of_the_encoder():
 
 
 def test_a_drive_that_loses_its_supply_is_taken_in_again():
-    """After power-off and power-on the network configures the drive anew, and the axis can be enabled
+    """After power-off and power-on the network configures the drive again, and the axis can be enabled
     again.
     """
     with bench() as machine:

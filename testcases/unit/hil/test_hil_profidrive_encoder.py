@@ -264,8 +264,8 @@ ASKS = {0x0003: PARK, 0x0004: SEARCH, 0x0006: MEASURE | 0x11, 0x0008: ABSOLUTE, 
 )
 @pytest.mark.parametrize("code", ENCODER_ERRORS, ids=lambda code: f"{code:04X}h")
 def test_every_error_can_be_injected(code):
-    """`encoder.error` shows the code in G1_XIST2 with bit 15, EMCY, record and event; mended and acknowledged
-    it is gone.
+    """`encoder.error` shows the code in G1_XIST2 with bit 15, EMCY, record and event; repaired and
+    acknowledged it is gone.
     """
     with build() as bench:
         port = bench.encoder_port("scale")
@@ -586,8 +586,8 @@ def test_the_axis_reads_both_encoders_of_its_telegram(telegram):
 
 @pytest.mark.requirement("CFG-319", "CFG-603")
 def test_the_encoder_that_does_not_lead_may_fail():
-    """Its error shows in StatusSensor[2] alone; mended it is valid again, and the axis has moved on all the
-    time.
+    """Its error shows in StatusSensor[2] alone; after the repair it is valid again, and the axis has moved
+    on all the time.
     """
     with build_both() as bench:
         axis = bench.axis()
@@ -648,7 +648,7 @@ HEAD = '[encoder.a]\nsegment = "can0"\nnode_id = 20\nprofile = "profidrive"\n'
     ],
 )
 def test_mistakes_in_the_bench_file(extra, words):
-    """Every mistake is told with key, value and what is allowed."""
+    """Every mistake is reported with key, value and what is allowed."""
     with pytest.raises(BenchFileError, match=words):
         BenchFile("own.toml", load_bench("reference").text + extra)
 

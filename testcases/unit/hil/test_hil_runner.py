@@ -60,15 +60,15 @@ def test_campaigns_are_found_in_modules_files_and_directories(tmp_path):
         ("testcases.unit.hil", "defines no Campaign"),
     ],
 )
-def test_what_leads_nowhere_is_told(reference, words):
+def test_what_leads_nowhere_is_reported(reference, words):
     """A reference without campaigns is named, with what would have been accepted."""
     with pytest.raises(CampaignNotFoundError, match=words) as caught:
         find_campaigns([reference] if reference != "testcases.unit.hil" else ["hil.protocols"])
     assert "Give a short name (`hil run` lists them), a Python file" in str(caught.value)
 
 
-def test_a_file_that_cannot_be_imported_is_told(tmp_path):
-    """A mistake in a campaign file is reported with file and reason, and the file can be mended and run
+def test_a_file_that_cannot_be_imported_is_reported(tmp_path):
+    """A mistake in a campaign file is reported with file and reason, and the file can be corrected and run
     again.
     """
     file = tmp_path / "bad.py"
@@ -279,7 +279,7 @@ def test_shards_have_no_case_in_common_and_are_the_whole_together(count):
 
 
 @pytest.mark.parametrize("part", [(0, 4), (5, 4), (8, 8)])
-def test_a_shard_that_is_not_there_is_told(part):
+def test_a_shard_that_is_not_there_is_reported(part):
     """A number out of range, and more shards than cases, are refused."""
     with pytest.raises(CannotRunError, match=rf"shard {part[0]}/{part[1]}"):
         shard(toy_cases(), part)

@@ -139,7 +139,7 @@ def test_each_expectation_says_what_came_in_one_sentence(trace, subtests):
 
 
 def test_what_was_not_judged_says_why(trace):
-    """A slip of the pen and a reference that never came are told in the same place."""
+    """A misspelt name and a reference that never came are reported in the same place."""
     (slip,) = state_at("axis9", 0.5, "MOTION").evaluate(trace)
     assert slip.verdict is Verdict.ERROR
     assert slip.sentence.startswith("State of axis9 was not judged: ")
@@ -164,7 +164,7 @@ def test_rules_of_the_bench_are_marked_and_say_what_they_are(trace):
     assert all(check.rule and check.sentence for check in run_checkers(trace))
 
 
-def test_events_are_told_as_clauses(subtests):
+def test_events_become_clauses(subtests):
     """Subject, deed and its denial; a number of times where not the first is meant."""
     for selector, subject, past in (
         (event("alarm.raised", "axis1", number=531, nth=2), "alarm 531 of axis1", "came for the 2nd time"),

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.exhaustive
     bench=st.text(),
     program=st.none() | st.lists(st.fixed_dictionaries({"wait": st.floats(0, 60)})),
 )
-def test_a_token_says_all_it_was_told(case, seed, campaign, bench, program):
+def test_a_token_has_all_that_it_was_made_of(case, seed, campaign, bench, program):
     """Every field comes back from the text."""
     token = Token(case, seed, campaign, bench, "ab" * 32, program)
     assert Token.decode(token.encode()) == token

@@ -97,7 +97,7 @@ def test_a_missing_signal_names_what_there_is():
 
 
 def test_components_are_found_by_their_columns():
-    """Axes and drives are told apart by the columns they have."""
+    """Axes and drives are distinguished by the columns they have."""
     assert make_trace().components_with("a", "b") == ["axis1"]
     assert make_trace().components_with("a", "x") == []
 

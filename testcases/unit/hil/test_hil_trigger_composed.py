@@ -151,18 +151,23 @@ def test_chance_draws_from_the_stream_of_the_fault():
     assert len(occasions(1.0, 3)) in (199, 200)
 
 
-def test_overlapping_faults_are_told_apart(bench):
+def test_overlapping_faults_are_distinguished(bench):
     """Two faults act at the same time, each with its own begin and end in the log."""
     injector = Injector(bench)
     injector.inject("switch.press", input="home", trigger=after(0.1), duration_s=0.3)
     injector.inject("drive.sto", trigger=after(0.2), duration_s=0.1)
     bench.run_for(1.0)
-    told = [
+    reported = [
         (e.kind, e.data["injection"])
         for e in bench.history.events
         if e.kind in ("fault.applied", "fault.removed")
     ]
-    assert told == [("fault.applied", 1), ("fault.applied", 2), ("fault.removed", 2), ("fault.removed", 1)]
+    assert reported == [
+        ("fault.applied", 1),
+        ("fault.applied", 2),
+        ("fault.removed", 2),
+        ("fault.removed", 1),
+    ]
 
 
 @pytest.mark.parametrize(

@@ -64,7 +64,7 @@ def test_bad_arguments_are_refused(arguments, message, capsys):
     assert message in capsys.readouterr().err
 
 
-def test_a_program_that_is_not_there_is_told_before_anything_boots(capsys, tmp_path):
+def test_a_program_that_is_not_there_is_reported_before_anything_boots(capsys, tmp_path):
     """Exit codes 127 and 126 as of a shell: no such program, or it may not be executed."""
     (tmp_path / "data.txt").write_text("1")
     assert main(["vcan", "--", "no-such-program"]) == 127
@@ -74,7 +74,7 @@ def test_a_program_that_is_not_there_is_told_before_anything_boots(capsys, tmp_p
 
 
 @pytest.mark.exhaustive
-def test_the_command_gets_its_interface_or_the_reasons_are_told():
+def test_the_command_gets_its_interface_or_the_reasons_are_reported():
     """Either the command runs here and finds the name in HIL_VCAN, or it ends with 69 and the reason; nothing
     is left behind.
     """
@@ -108,7 +108,7 @@ def test_interfaces_without_a_name_are_numbered_on(given, count, names):
     assert interface_names(given, count) == names
 
 
-def test_names_are_told_in_the_environment():
+def test_names_are_in_the_environment():
     """HIL_VCAN and its like name all interfaces; the bus of python-can is set unless the user has set one."""
     assert variables(["can7", "can8"], {}) == {
         "HIL_VCAN": "can7",

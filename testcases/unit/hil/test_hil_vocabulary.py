@@ -1,4 +1,4 @@
-"""Names that cannot be in a recording are refused: an expectation or trigger with a slip of the pen never
+"""Names that cannot be in a recording are refused: an expectation or trigger with a misspelt name never
 passes silently.
 """
 
@@ -95,7 +95,7 @@ def test_the_words_are_kept_with_the_trace(trace, tmp_path):
     assert never_happens(event("axis.state", "axs1")).evaluate(again)[0].verdict is Verdict.ERROR
 
 
-def test_the_details_are_those_that_are_told(trace):
+def test_the_details_are_those_of_the_events(trace):
     """Every event of a run has no other details than the table of its kind says."""
     assert set(EVENT_DETAILS) <= set(EVENT_KINDS)
     for entry in trace.events:

@@ -1,7 +1,8 @@
 """The drawing of every way of homing, made from the trace, against stored golden ones
 (`homing_drawings.json`).
 
-`HIL_GOLDEN=write` writes the file anew from the PROFIdrive bench; read the difference before it is committed.
+`HIL_GOLDEN=write` writes the file again from the PROFIdrive bench; read the difference before it is
+committed.
 """
 
 from __future__ import annotations
@@ -189,7 +190,7 @@ def test_published_examples(way, cam, mark, end):
 
 
 def test_further_zero_marks_are_those_of_the_encoder():
-    """The marks that were passed without effect are drawn, one per revolution; beside an external zero mark
+    """The marks that were passed without effect are drawn, one per revolution; with an external zero mark
     there are none.
     """
     marks = {lane.name: lane.bars for lane in drawn("cam, approach and homing positive").lanes}["zero mark"]

@@ -98,7 +98,7 @@ class TestMarks:
 
     @pytest.mark.requirement("HOM-128", "HOM-124")
     def test_turning_between_cam_and_mark(self, name):
-        """Back before the mark: it has to leave the cam anew, and the job goes on without an error."""
+        """Back before the mark: it has to leave the cam again, and the job goes on without an error."""
         with machine(CAM, name, start=90.0) as bench:
             run = Machine(bench)
             job = run.axis.home(0.0, mode=8)

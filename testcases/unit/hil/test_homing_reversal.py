@@ -151,7 +151,7 @@ class TestReversal:
 
     @pytest.mark.requirement("HOM-193")
     @pytest.mark.parametrize("mode", [ZERO_MARK, CAM])
-    def test_passive_beside_active(self, mode):
+    def test_passive_with_active(self, mode):
         """A passive homing against the direction of an active one does not take its search away."""
         own = {"Sensor[1].PassiveHoming.Mode": mode, "Sensor[1].PassiveHoming.Direction": 1}
         with machine(mode, variables=own) as bench:

@@ -135,11 +135,11 @@ def test_pytest_names_a_package_that_hides_ours(project, place, name):
         (project / place).write_text(f"import hil.testing\nimport hil.bench\n{test}")
     more = ["--hil-report", "rep"] if place == "report" else []
     done = run(project, *PYTEST, *more, first=True)
-    told = done.stdout + done.stderr
+    reported = done.stdout + done.stderr
     assert done.returncode in {1, 2, 4}
-    assert sentence(theirs, ours(name), name) in told
-    assert "Traceback" not in told
-    assert "ModuleNotFoundError" not in told
+    assert sentence(theirs, ours(name), name) in reported
+    assert "Traceback" not in reported
+    assert "ModuleNotFoundError" not in reported
 
 
 def test_pytest_names_a_package_that_hides_the_plugin(project):

@@ -104,12 +104,12 @@ def test_what_cannot_be_optimised():
     """A speed axis, and a test step beyond the dynamic limits of the axis: refused with what is allowed."""
     with pytest.raises(CommissioningError, match="no position control"), optimisation("speed"):
         pass
-    for values, told in (
+    for values, reported in (
         ({"velocity": 501.0}, "test step: velocity: 501.0 .* at most 500"),
         ({"acceleration": 2001.0}, "test step: acceleration: 2001.0 .* at most 2000"),
     ):
         fast = TestStep(**{"distance": 5.0, "velocity": 60.0, "acceleration": 1000.0} | values)
-        with pytest.raises(ConfigurationError, match=told), optimisation("reference", step=fast):
+        with pytest.raises(ConfigurationError, match=reported), optimisation("reference", step=fast):
             pass
     for values in (
         {"tolerance": -1.0},

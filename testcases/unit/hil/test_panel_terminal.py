@@ -115,7 +115,7 @@ def start():
         opened.append(terminal)
         terminal.shows("help lists the commands")
         terminal.type("take\nenable\n")
-        terminal.shows("panel  standstill")  # told without a key, when it has come
+        terminal.shows("panel  standstill")  # shown without a key, when it has come
         return terminal
 
     yield on
@@ -128,7 +128,7 @@ def start():
 @pytest.mark.requirement("COM-023", "COM-048", "COM-049", "COM-073", "COM-070")
 def test_a_session(start):
     """Take, enable, jog, move, be refused, resize, give back: every line is answered, and what happens is
-    told by itself.
+    reported by itself.
     """
     terminal = start("profidrive")
     terminal.type("velocity 40\njog 50\n")
@@ -178,8 +178,8 @@ def test_the_end_in_the_middle_of_a_motion(start, how, code):
     assert terminal.code() == code
 
 
-@pytest.mark.parametrize(("reader", "told"), [("full", "No space left on device"), ("gone", "")])
-def test_output_that_cannot_be_written(reader, told):
+@pytest.mark.parametrize(("reader", "reported"), [("full", "No space left on device"), ("gone", "")])
+def test_output_that_cannot_be_written(reader, reported):
     """What could not be written is no success and no failed case; that a reader has gone needs no word."""
     if reader == "full":
         target = os.open("/dev/full", os.O_WRONLY)
@@ -196,8 +196,8 @@ def test_output_that_cannot_be_written(reader, told):
             env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
         )
     assert program.returncode == 2
-    assert program.stderr.count("\n") == bool(told)
-    assert told in program.stderr
+    assert program.stderr.count("\n") == bool(reported)
+    assert reported in program.stderr
 
 
 @pytest.fixture

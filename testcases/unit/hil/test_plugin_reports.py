@@ -97,7 +97,7 @@ def test_without_bench():
 '''
 
 
-def test_a_suite_is_told_reported_and_repeated(tmp_path, subtests):
+def test_a_suite_is_reported_and_repeated(tmp_path, subtests):
     """One run, from a folder below that of the ini file, and everything that it leaves behind."""
     root = tmp_path / "machine"
     (root / "tests" / "benches").mkdir(parents=True)

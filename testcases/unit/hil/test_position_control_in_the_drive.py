@@ -282,7 +282,9 @@ def test_what_an_axis_can_read_of_its_drive():
 @pytest.mark.requirement("CTL-045")
 @pytest.mark.parametrize("name", ["profidrive", "reference"])
 def test_gains_of_the_drive_are_its_own(name):
-    """Whatever the axis is told about its control loop, the speed controller of the drive stays as it is."""
+    """Whatever the axis is configured to assume of its control loop, the speed controller of the drive stays
+    as it is.
+    """
     with bench(name, variables=LOOSE | {"PositioningMonitoring.Window": 1.0}) as machine:
         axis = enabled(machine)
         core = machine.drive().core

@@ -1,5 +1,5 @@
-"""The signal flow of position control, node by node: each is computed anew from its recorded inputs (appendix
-A.1, section 4.4).
+"""The signal flow of position control, node by node: each is computed again from its recorded inputs
+(appendix A.1, section 4.4).
 """
 
 from __future__ import annotations
@@ -265,5 +265,5 @@ def test_delay_of_the_filter_in_the_following_error(dsc, kpc, filtering, delay_s
     plain, _ = steady("profidrive", **settings(dsc=dsc, kpc=kpc))
     late_by, _ = steady("profidrive", **settings(dsc=dsc, kpc=kpc, filtering=filtering))
     assert late_by - plain == pytest.approx(100.0 * delay_s, abs=0.01)
-    told, _ = steady("profidrive", **settings(dsc=dsc, kpc=kpc, filtering=filtering, additional=delay_s))
-    assert told == pytest.approx(plain, abs=0.01)
+    reported, _ = steady("profidrive", **settings(dsc=dsc, kpc=kpc, filtering=filtering, additional=delay_s))
+    assert reported == pytest.approx(plain, abs=0.01)

@@ -153,18 +153,18 @@ def test_the_limit_is_that_of_the_instruction_when_the_drive_is_connected(connec
 
 
 @pytest.mark.requirement("STP-584")
-@pytest.mark.parametrize("told", [1.0, 2.0, 4.0])
-def test_a_wrong_reference_torque_scales_the_limit(told):
+@pytest.mark.parametrize("assumed", [1.0, 2.0, 4.0])
+def test_a_wrong_reference_torque_scales_the_limit(assumed):
     """The drive has p2003 = 2 Nm; an axis that takes it for 1 or 4 Nm limits twice or half as much as it is
-    told.
+    commanded.
     """
-    with torque_bench(**WEAK, **{"Actor.DriveParameter.ReferenceTorque": told}) as machine:
+    with torque_bench(**WEAK, **{"Actor.DriveParameter.ReferenceTorque": assumed}) as machine:
         axis = enabled(machine)
         axis.torque_limiting(0.5)
         machine.drive().mechanics.jam(True)
         axis.move_velocity(100.0)
         machine.run_for(0.5)
-        assert machine.drive().core.torque == pytest.approx(0.5 * 2.0 / told, rel=0.02)
+        assert machine.drive().core.torque == pytest.approx(0.5 * 2.0 / assumed, rel=0.02)
 
 
 # -- blocked motor

@@ -24,7 +24,7 @@ def deaf(ctx):
 
 @CAMPAIGN.case("stubborn", wall_limit_s=1000.0)
 def stubborn(ctx):
-    """A case that takes whatever is raised for a small trouble."""
+    """A case that takes whatever is raised for a small mistake."""
     while True:
         with suppress(Exception):
             time.sleep(1000.0)

@@ -45,7 +45,7 @@ def brought_about(stimulus: Stimulus):
 
 
 def marked(stimulus: Stimulus):
-    """Return a parameter with the requirement that its alarm has beside those of all."""
+    """Return a parameter with the requirement that its alarm has in addition to those of all."""
     row = ROWS.get(stimulus.number)
     return pytest.param(stimulus, id=stimulus.name, marks=[pytest.mark.requirement(row)] if row else [])
 

@@ -432,7 +432,7 @@ def test_alarms_are_acknowledged_from_the_panel(make_rig):
 @pytest.mark.requirement("STP-033", "STP-381")
 def test_an_acknowledgement_switches_nothing_on(rig, panel):
     """An alarm that has disabled the axis, acknowledged while the drive brakes, is gone when the drive is
-    off; the axis stays off until it is enabled anew.
+    off; the axis stays off until it is enabled again.
     """
     enabled(rig, panel)
     panel.jog()

@@ -217,7 +217,7 @@ def test_velocity_mode_is_restart_relevant(rig):
     "STP-066", "STP-067", "STP-069", "STP-070", "STP-073", "MC-179", "DIA-113", "VAR-088"
 )
 def test_acknowledging_many_alarms(rig):
-    """All are gone with Done, words and bits are 0, and no alarm was raised anew on the way."""
+    """All are gone with Done, words and bits are 0, and no alarm was raised again on the way."""
     rig.enabled()
     for number in (321, 541, 501, 502):
         rig.axis.object.alarms.raise_alarm(number)

@@ -215,7 +215,7 @@ def test_the_reason_of_a_lost_communication_is_in_the_diagnostic_buffer(rig, wha
 
 @pytest.mark.requirement("STP-020", "STP-045", "MC-133")
 @pytest.mark.parametrize(("what", "reason"), [("link", "no cyclic communication"), ("fault", "drive fault")])
-def test_what_the_enabling_waits_for_is_told_once(rig, what, reason):
+def test_what_the_enabling_waits_for_is_reported_once(rig, what, reason):
     """No alarm comes for a drive that is not ready when Enable rises: MC_Power waits, tells why, and enables
     when it is.
     """
@@ -230,8 +230,8 @@ def test_what_the_enabling_waits_for_is_told_once(rig, what, reason):
     power = rig.axis.power()
     rig.run(0.5)
     assert (power.Busy, power.Status, power.Error) == (True, False, False)
-    (told,) = rig.events("power.waits")
-    assert reason in told.data["reason"]
+    (reported,) = rig.events("power.waits")
+    assert reason in reported.data["reason"]
     rig.port.link = True
     rig.port.fault = False
     if what == "fault":

@@ -260,7 +260,7 @@ class TestDiagnosis:
 
     @pytest.mark.requirement("DIA-072", "DIA-073", "DIA-076", "DIA-077", "DIA-081", "DIA-096", "DIA-097")
     def test_pages(self, rig):
-        """What the words say, by name; values beside them."""
+        """What the words say, by name; with values."""
         rig.enabled()
         rig.until(rig.encoder.home(30.0, mode=13).done)
         found = rig.encoder.diagnosis()

@@ -130,7 +130,7 @@ class Machine:
         assert self.plant.farthest <= LIMIT + clearance(CYCLE)
 
     def recover(self):
-        """Do what an operator does before he homes anew."""
+        """Do what an operator does before he homes again."""
         self.plant.sensor_fault = False
         self.plant.wrong = "nothing"
         for what in (

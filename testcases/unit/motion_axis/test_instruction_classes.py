@@ -12,8 +12,8 @@ from testcases.unit.motion_axis.conftest import Rig, TorquePort
 
 TERMINAL = ("Done", "CommandAborted", "Error")
 
-# instruction, identifier, success output, whether it has Active and CommandAborted, inputs beside the start,
-# whether it ends by itself
+# instruction, identifier, success output, whether it has Active and CommandAborted, inputs other than the
+# start, whether it ends by itself
 EXECUTE = [
     ("MC_Reset", "MC-020", "Done", False, True, {}, True),
     ("MC_Home", "MC-021", "Done", False, True, {"Mode": 0}, True),

@@ -109,7 +109,7 @@ INPUTS = [
     ("MC_TorqueLimiting", "MC-545", "Mode", 0),
 ]
 
-# instruction, identifiers, outputs beside Error and ErrorID, which all have
+# instruction, identifiers, outputs other than Error and ErrorID, which all have
 OUTPUTS = {
     "MC_Power": (["MC-138", "MC-139", "MC-140", "MC-141"], ["Status", "Busy"]),
     "MC_Reset": (["MC-176", "MC-177"], ["Done", "Busy", "CommandAborted"]),

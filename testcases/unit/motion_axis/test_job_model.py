@@ -113,7 +113,7 @@ def test_a_job_goes_on_without_calls(rig):
 
 @pytest.mark.requirement("MC-076")
 def test_two_call_sites_share_one_job(rig):
-    """A second call site with an edge of its own starts the job anew, as a re-trigger does."""
+    """A second call site with an edge of its own starts the job again, as a re-trigger does."""
     rig.enabled()
     job = MC_MoveVelocity(rig.axis.object)
     job(Execute=True, Velocity=50.0)

@@ -220,7 +220,7 @@ def travelled(position, *, kind=0):
 
 
 @pytest.mark.requirement("LIM-101", "LIM-103")
-def test_homing_begins_the_travel_anew():
+def test_homing_begins_the_travel_again():
     """At the largest position 307 stops the axis; homed again to 0 it travels on, and its steps are
     increments again.
     """
@@ -246,7 +246,7 @@ def test_homing_begins_the_travel_anew():
 
 
 @pytest.mark.requirement("LIM-101")
-def test_adjusting_begins_the_travel_anew():
+def test_adjusting_begins_the_travel_again():
     """An absolute encoder: adjusted with the position that is known, the axis travels on, and the offset is
     kept.
     """

@@ -344,11 +344,11 @@ class TestCounts:
         steady 20.
         """
         coarse = {"Parameter__StepsPerRevolution": 100, "Parameter__FineResolutionXist1": 0}
-        difference, told = Encoder(**coarse), Encoder(ActualVelocityMode=1, **coarse)
-        told.port.actual_speed_rpm = 120.0
+        difference, measured = Encoder(**coarse), Encoder(ActualVelocityMode=1, **coarse)
+        measured.port.actual_speed_rpm = 120.0
         seen, steady = [], []
         for cycle in range(51):
-            for encoder, into in ((difference, seen), (told, steady)):
+            for encoder, into in ((difference, seen), (measured, steady)):
                 encoder.show(cycle // 5)
                 into.append(encoder.feedback.velocity)
         assert {round(one, 6) for one in seen} == {0.0, 100.0}

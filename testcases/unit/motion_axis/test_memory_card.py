@@ -44,7 +44,7 @@ def adjusted(card, position=123.0):
     return rig
 
 
-def told(rig, kind):
+def reported(rig, kind):
     return [event.data for event in rig.events(f"controller.encoder_data_{kind}")]
 
 
@@ -56,7 +56,7 @@ def test_saving(card):
     sensors = content["objects"]["axis1"]["sensors"]
     assert list(sensors) == ["StatusSensor[1]"]
     assert sensors["StatusSensor[1]"]["adjusted"] == 1
-    assert len(told(rig, "saved")) == 1
+    assert len(reported(rig, "saved")) == 1
 
 
 @pytest.mark.requirement("MC-472", "HOM-159", "HOM-160")
@@ -69,7 +69,7 @@ def test_a_new_controller_takes_the_data_over(card):
     assert rig.axis.var("ActualPosition") == pytest.approx(123.0, abs=1e-3)
     assert rig.axis.var("StatusSensor[1].Adjusted") == 1
     assert rig.axis.var("StatusWord.X5")
-    assert len(told(rig, "restored")) == 1
+    assert len(reported(rig, "restored")) == 1
     assert not (card / FOLDER / FILE).exists()
     assert (card / FOLDER / USED).exists()
     third = controller(card)
@@ -92,7 +92,7 @@ def test_another_encoder_gets_nothing(card, variables, reason):
     adjusted(card)
     rig = controller(card, **variables)
     assert not rig.restored
-    assert reason in told(rig, "refused")[0]["reason"]
+    assert reason in reported(rig, "refused")[0]["reason"]
     assert (card / FOLDER / FILE).exists()
 
 
@@ -104,13 +104,13 @@ def test_another_name_or_number_of_objects_gets_nothing(card):
     rig = controller()
     rig.axis.object.name = "other"
     assert not rig.runtime.insert_card(card)
-    assert "'axis1' does not exist" in told(rig, "refused")[0]["reason"]
+    assert "'axis1' does not exist" in reported(rig, "refused")[0]["reason"]
     two = controller()
     second = Rig(variables=ABSOLUTE).axis.object
     second.name = "axis2"
     two.runtime.add(second)
     assert not two.runtime.insert_card(card)
-    assert "1 technology objects were saved, there are 2" in told(two, "refused")[0]["reason"]
+    assert "1 technology objects were saved, there are 2" in reported(two, "refused")[0]["reason"]
     assert path.exists()
 
 
@@ -126,13 +126,13 @@ def test_another_name_or_number_of_objects_gets_nothing(card):
     ],
 )
 def test_damaged_data_are_not_used(card, damage):
-    """A file that was cut or changed is told and left alone."""
+    """A file that was cut or changed is reported and left alone."""
     adjusted(card)
     path = card / FOLDER / FILE
     path.write_text(damage(path.read_text()))
     rig = controller(card)
     assert not rig.restored
-    assert "damaged" in told(rig, "refused")[0]["reason"]
+    assert "damaged" in reported(rig, "refused")[0]["reason"]
     rig.cycles(3)
     assert not rig.axis.var("StatusWord.X5")
 

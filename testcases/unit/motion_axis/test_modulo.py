@@ -208,7 +208,7 @@ class TestAxis:
     @pytest.mark.requirement("MC-255", "STP-219")
     @pytest.mark.parametrize(("direction", "way"), [(1, 350.0), (2, -10.0), (3, -10.0)])
     def test_absolute_positioning(self, make_rig, direction, way):
-        """`MC_MoveAbsolute` goes in the direction that it is told, and shows the target in the range."""
+        """`MC_MoveAbsolute` goes in the direction that is given, and shows the target in the range."""
         rig = self.rig(make_rig)
         rig.until(rig.axis.home(5.0).done)
         before = rig.column("position_setpoint")[-1]
@@ -264,7 +264,7 @@ class TestAxis:
         assert rig.axis.var("Position") == pytest.approx(end, abs=0.01)
 
     def test_units_follow_the_type(self, make_rig):
-        """A rotary axis counts in degrees, in data block and trace, unless it is told otherwise."""
+        """A rotary axis counts in degrees, in data block and trace, unless it is configured otherwise."""
         rig = make_rig(variables=ROTARY)
         assert rig.axis.variables.unit("Position") == "deg"
         assert dict(rig.axis.trace_columns)["velocity_setpoint"] == "deg/s"

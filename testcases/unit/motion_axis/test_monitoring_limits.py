@@ -203,10 +203,10 @@ class DelayedPort(SimulatedDrivePort):
 
 
 @pytest.mark.requirement("MON-031", "MON-030", "CTL-101", "MON-034", "MON-032", "MON-055")
-@pytest.mark.parametrize("told", [True, False])
-def test_transmission_is_excluded_to_a_micrometre(told):
+@pytest.mark.parametrize("configured", [True, False])
+def test_transmission_is_excluded_to_a_micrometre(configured):
     """T_i = T_o = 0.125 ms, T_DC = 2 ms, T_servo = 4 ms at 100 mm/s: 0.625 mm apart, 0 following error; 0.225
-    mm if not told.
+    mm if the times are not configured.
     """
     steps = 1 << 23
     rig = Rig(
@@ -215,7 +215,7 @@ def test_transmission_is_excluded_to_a_micrometre(told):
         variables=LOOSE | {"Mechanics.LeadScrew": 5.0, "Sensor[1].Parameter.StepsPerRevolution": steps},
     )
     axis = rig.axis.object
-    if told:
+    if configured:
         for number, seconds in ((1010, 0.000125), (1011, 0.000125), (1012, 0.002)):
             axis.variables.write_parameter(number, seconds)
         axis.variables.restart()
@@ -226,7 +226,7 @@ def test_transmission_is_excluded_to_a_micrometre(told):
         rig.axis.var("Position") - rig.axis.var("ActualPosition"),
         rig.axis.var("StatusPositioning.FollowingError"),
     )
-    if told:
+    if configured:
         assert apart == pytest.approx(0.625, abs=1e-6)
         assert error == pytest.approx(0.0, abs=1e-6)
         assert rig.axis.var("StatusServo.ControlDifference") == pytest.approx(0.0, abs=1e-6)
@@ -239,21 +239,21 @@ def test_transmission_is_excluded_to_a_micrometre(told):
 @pytest.mark.requirement("MON-009", "MON-037", "CTL-084", "VAR-187", "MON-032")
 @pytest.mark.parametrize("tt", [0.008, 0.010, 0.0213])
 def test_an_additional_delay_is_a_delay(tt):
-    """The dead time of the filter, told as additional delay, leaves the same error in every phase, not at
+    """The dead time of the filter, given as additional delay, leaves the same error in every phase, not at
     constant velocity only.
     """
     own = LOOSE | {"PositioningMonitoring.Window": 5.0}
-    plain, told = (
+    plain, delayed = (
         Rig(port=LaggingDrivePort(cycle_s=CYCLE, lag_s=0.004), variables=own | more)
         for more in ({}, times(1, tt=tt) | {DELAY_TIME: tt})
     )
-    for rig in (plain, told):
+    for rig in (plain, delayed):
         rig.enabled()
         rig.axis.move_relative(30.0, Velocity=200.0, Acceleration=2000.0, Deceleration=2000.0, Jerk=0.0)
         rig.run(0.6)
     cycles = tt / CYCLE
     whole, rest = int(cycles + 1e-9), cycles - int(cycles + 1e-9)
-    error, shown = plain.column("following_error"), told.column("following_error")
+    error, shown = plain.column("following_error"), delayed.column("following_error")
     expected = [
         (1.0 - rest) * error[at - whole] + rest * error[at - whole - 1] for at in range(whole + 1, len(error))
     ]

@@ -84,7 +84,7 @@ def test_a_vector_that_is_not_renewed_goes_on(rig):
 
 
 @pytest.mark.requirement("MIN-004", "MIN-005", "MIN-012", "MC-474", "MC-479", "VAR-065")
-def test_dynamic_limits_do_not_act_but_are_told(make_rig):
+def test_dynamic_limits_do_not_act_but_are_reported(make_rig):
     """600 mm/s of 500: shown in StatusMotionIn.StatusWord.X0, not reduced, no warning; the bit goes with the
     velocity.
     """
@@ -270,7 +270,7 @@ def test_status_of_the_jobs(rig):
 @pytest.mark.requirement("MIN-017", "MC-481", "MC-501")
 @pytest.mark.parametrize("start", ["motion_in_velocity", "motion_in_position", "motion_in_superimposed"])
 def test_a_disabled_axis_refuses(rig, start):
-    """Not enabled: 16#800F; the error stays until Enable falls, and a new edge starts anew (MC-085)."""
+    """Not enabled: 16#800F; the error stays until Enable falls, and a new edge starts again (MC-085)."""
     rig.cycles(2)
     job = getattr(rig.axis, start)(0.0)
     rig.cycles(3)

@@ -171,7 +171,7 @@ def test_a_step_that_is_too_soft(monkeypatch):
 
 @pytest.mark.requirement("COM-056")
 def test_an_alarm_on_the_way():
-    """A test step that fails is told with the alarm."""
+    """A test step that fails is reported with the alarm."""
     rig, _, routine = optimisation(0.01, **{"PositionLimits_HW.Active": True})
     rig.scheduler.at(rig.scheduler.now + 300_000_000, lambda: setattr(rig.port, "switches", 2))
     with pytest.raises(CommissioningError, match="alarm 531"):

@@ -33,7 +33,7 @@ def settling(constant_s, *, deviation=5.0, **variables):
     """Return a rig whose actual value closes a deviation with the time constant 1/Kv since its setpoint has
     ended.
 
-    Beside it the job, the instant, and the deviation at this instant.
+    With it come the job, the instant, and the deviation at this instant.
     """
     rig = Rig(variables=WINDOW | LOOSE | variables | {"PositionControl.Kv": 1.0 / constant_s}).enabled()
     job = rig.axis.move_relative(0.5, Velocity=100.0, Jerk=0.0)
@@ -249,7 +249,7 @@ def test_without_position_control_there_is_none():
 
 @pytest.mark.requirement("MON-010", "MON-011", "MON-047", "MON-049", "MON-014")
 def test_standstill_needs_its_time():
-    """Below the threshold for MinDwellTime; an excess on the way starts the time anew."""
+    """Below the threshold for MinDwellTime; an excess on the way starts the time again."""
     rig = Rig(
         variables=LOOSE | {"StandstillSignal.VelocityThreshold": 5.0, "StandstillSignal.MinDwellTime": 0.1}
     ).travelling(50.0)

@@ -91,7 +91,7 @@ def test_in_the_units_of_the_axis():
     ],
 )
 def test_mistakes(times, variables, message):
-    """A time that does not exist or cannot be used, and a value beside a time, are refused by name."""
+    """A time that does not exist or cannot be used, and a value together with a time, are refused by name."""
     with pytest.raises(ConfigurationError) as error:
         make(times=times, **variables)
     assert str(error.value).startswith(message)

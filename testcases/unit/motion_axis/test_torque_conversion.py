@@ -27,7 +27,7 @@ LINEAR_MOTOR = {
 
 
 class TorquePort(SimulatedDrivePort):
-    """A simulated drive that keeps what it is told about torque; its motor gives none."""
+    """A simulated drive that keeps what it gets about torque; its motor gives none."""
 
     __slots__ = ("additive_nm", "limit", "range_", "reference")
 

@@ -264,7 +264,7 @@ class TestUserProgram:
         """18 m/min are 300 mm/s and no more than the drive can do; 60 m/min with 3000 rpm and 10 mm are,
         which 551 says.
         """
-        for limit, told in ((18.0, False), (60.0, True)):
+        for limit, reported in ((18.0, False), (60.0, True)):
             rig = make_rig(
                 variables={
                     "Units.VelocityUnit": 1525,
@@ -275,7 +275,7 @@ class TestUserProgram:
                 }
             )
             rig.cycles(2)
-            assert any(event.data["number"] == 551 for event in rig.events("alarm.raised")) is told
+            assert any(event.data["number"] == 551 for event in rig.events("alarm.raised")) is reported
 
     @pytest.mark.requirement("CFG-072")
     def test_active_homing(self, make_rig):

@@ -33,7 +33,7 @@ def bench() -> Bench:
 
 
 @pytest.mark.requirement("TA-011")
-def test_the_end_of_a_cause_is_told(bench):
+def test_the_end_of_a_cause_is_reported(bench):
     """`alarm.gone` comes once, while the alarm is pending; after an acknowledgement nobody has to know."""
     bench.engine.set_cause(421, True)
     bench.engine.set_cause(421, False)
@@ -134,7 +134,9 @@ class TestRaising:
         assert (len(bench.history.events), len(bench.calls)) == (1, 1)
 
     def test_stronger_reaction(self, bench):
-        """A pending alarm raised with a stronger reaction takes it, keeps its place, and the axis is told."""
+        """A pending alarm raised with a stronger reaction takes it, keeps its place, and the axis is
+        informed.
+        """
         bench.engine.raise_alarm(531, reaction=3)
         bench.engine.raise_alarm(321)
         bench.engine.raise_alarm(531, reaction=4)

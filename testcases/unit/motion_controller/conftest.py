@@ -49,7 +49,7 @@ class Controlled:
         """Turn the shaft of the motor by hand."""
         self.port.turn(revolutions * tau)
 
-    def told(self, words: str) -> list[str]:
+    def reported(self, words: str) -> list[str]:
         return [entry.text for entry in self.controller.diagnostics_buffer.find(words)]
 
 

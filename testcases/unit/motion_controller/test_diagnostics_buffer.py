@@ -1,4 +1,4 @@
-"""The diagnostics buffer: bounded, in order, told by whoever has something to tell (TA-011, STP-020)."""
+"""The diagnostics buffer: bounded, in order, with entries of every part that reports (TA-011, STP-020)."""
 
 from __future__ import annotations
 
@@ -61,8 +61,10 @@ def test_exactly_the_alarms_that_are_recorded(scheduler):
         history.emit("axis1", "alarm.cleared", number=number)
     recorded = [number for number, entry in catalogue().items() if entry.diagnostic_buffer]
     assert len(buffer) == 2 * len(recorded)
-    told = [(int(e.text.split("alarm ")[1].split(",")[0].split(":")[0]), e.direction) for e in buffer.entries]
-    assert told == [(number, way) for number in recorded for way in ("coming", "going")]
+    reported = [
+        (int(e.text.split("alarm ")[1].split(",")[0].split(":")[0]), e.direction) for e in buffer.entries
+    ]
+    assert reported == [(number, way) for number in recorded for way in ("coming", "going")]
     end()
     history.emit("axis1", "alarm.raised", number=recorded[0], reaction=1, text="")
     assert len(buffer) == 2 * len(recorded)

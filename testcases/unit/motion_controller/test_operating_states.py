@@ -216,7 +216,7 @@ class TestPower:
     """POWER OFF and POWER ON."""
 
     @pytest.mark.requirement("MC-630", "VAR-229")
-    def test_everything_begins_anew(self, rig):
+    def test_everything_begins_again(self, rig):
         """Jobs, alarms and values are gone; the objects have the start values of load memory."""
         rig.axis.variables.write_start("PositionControl.Kv", 11.0)
         rig.travelling(200.0)
@@ -291,7 +291,7 @@ class Spy:
 
 @pytest.mark.requirement("MC-633")
 def test_a_breakpoint(rig):
-    """The controller stops, the object is restarted without being told to, and has to be homed again."""
+    """The controller stops, the object is restarted without a command, and has to be homed again."""
     rig.enabled()
     rig.until(rig.axis.home(50.0).done)
     assert rig.axis.var("StatusWord.X5")
@@ -300,7 +300,7 @@ def test_a_breakpoint(rig):
     assert rig.controller.state is STOP
     assert not rig.axis.var("StatusWord.X5")
     assert any(event.data["to"] == "RESTARTING" for event in rig.events("axis.state"))
-    assert rig.told("overflow of MC_Servo")
+    assert rig.reported("overflow of MC_Servo")
 
 
 @pytest.mark.parametrize("command", ["memory_reset", "factory_reset", "download"])
@@ -323,12 +323,12 @@ def test_what_needs_stop(rig, command):
         rig.controller.run()
 
 
-def test_states_are_told(rig):
+def test_states_are_reported(rig):
     """Every change is an event and an entry, with its reason."""
     rig.stopped().running()
     rig.power_cycled()
-    told = [(event.data["from"], event.data["to"]) for event in rig.events("controller.state")]
-    assert told == [
+    reported = [(event.data["from"], event.data["to"]) for event in rig.events("controller.state")]
+    assert reported == [
         ("RUN", "STOP"),
         ("STOP", "STARTUP"),
         ("STARTUP", "RUN"),
@@ -337,7 +337,7 @@ def test_states_are_told(rig):
         ("STOP", "STARTUP"),
         ("STARTUP", "RUN"),
     ]
-    assert rig.told("RUN -> STOP") == ["RUN -> STOP: by command"]
+    assert rig.reported("RUN -> STOP") == ["RUN -> STOP: by command"]
     for call in (rig.controller.stop, rig.controller.run, rig.controller.power_on):
         call()  # harmless where they change nothing
 

@@ -25,7 +25,9 @@ class TestServo:
     @pytest.mark.requirement("MC-636")
     @pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
     def test_within_the_send_clock(self, rig, share):
-        """It ends in time: nothing is told, and the axis moves as always, its outputs later by the time."""
+        """It ends in time: nothing is reported, and the axis moves as always, its outputs later by the
+        time.
+        """
         rig.travelling(100.0)
         rig.controller.levels.set_computing_time(servo_ns=round(share * T))
         rig.cycles(2)
@@ -36,7 +38,7 @@ class TestServo:
         position = rig.column("position_setpoint")
         assert {round(b - a, 9) for a, b in pairwise(position)} == {0.4}
         assert rig.times()[-1] % 0.004 == pytest.approx((0.002 + 0.004 * share) % 0.004, abs=1e-9)
-        assert not rig.told("overflow")
+        assert not rig.reported("overflow")
 
     @pytest.mark.requirement("MC-636")
     def test_longer_than_the_application_cycle(self, rig):
@@ -50,7 +52,7 @@ class TestServo:
         assert rig.column("stw1")[-1] == 0x047B
         rig.controller.levels.set_computing_time(servo_ns=0)
         rig.until(lambda: rig.axis.state is AxisState.DISABLED)
-        assert rig.told("MC_Servo runs longer than the application cycle")
+        assert rig.reported("MC_Servo runs longer than the application cycle")
         rig.running().enabled()
 
     @pytest.mark.requirement("MC-636", "CFG-187")
@@ -97,7 +99,7 @@ class TestInterpolator:
         rig.travelling(100.0)
         rig.controller.levels.set_computing_time(interpolator_ns=round(0.95 * T))
         assert self.run_for(rig, 50) == 49
-        assert not rig.told("overflow")
+        assert not rig.reported("overflow")
 
     @pytest.mark.requirement("MC-637")
     @pytest.mark.parametrize("hits", [1, 2, 3])
@@ -114,7 +116,7 @@ class TestInterpolator:
         levels.set_computing_time(interpolator_ns=round(0.3 * T))
         rig.cycles(30)
         assert rig.controller.state is RUN
-        assert len(rig.told("overflow of MC_Interpolator")) == hits
+        assert len(rig.reported("overflow of MC_Interpolator")) == hits
         position = rig.column("position_setpoint")
         assert (
             sum(1 for a, b in pairwise(position) if a == b) == hits - 1
@@ -128,8 +130,8 @@ class TestInterpolator:
         rig.controller.levels.set_computing_time(interpolator_ns=round(1.2 * T))
         rig.cycles(10)
         assert rig.controller.state is STOP
-        assert len(rig.told("overflow of MC_Interpolator")) == 3
-        assert rig.told("MC_Interpolator, 4 times in a row")
+        assert len(rig.reported("overflow of MC_Interpolator")) == 3
+        assert rig.reported("MC_Interpolator, 4 times in a row")
 
     @pytest.mark.requirement("MC-637")
     def test_interrupted_twice(self, rig):
@@ -140,7 +142,7 @@ class TestInterpolator:
         assert rig.controller.state is RUN
         rig.cycles(1)
         assert rig.controller.state is STOP
-        assert rig.told("interrupted by a second call of MC_Servo")
+        assert rig.reported("interrupted by a second call of MC_Servo")
 
     @pytest.mark.requirement("MC-637")
     def test_the_servo_takes_its_share(self, rig):
@@ -149,10 +151,10 @@ class TestInterpolator:
         levels = rig.controller.levels
         levels.set_computing_time(servo_ns=round(0.5 * T), interpolator_ns=round(0.4 * T))
         rig.cycles(20)
-        assert not rig.told("overflow")
+        assert not rig.reported("overflow")
         levels.set_computing_time(servo_ns=round(0.6 * T), interpolator_ns=round(0.5 * T))
         rig.cycles(2)
-        assert rig.told("overflow of MC_Interpolator")
+        assert rig.reported("overflow of MC_Interpolator")
 
     def test_a_longer_cycle(self, make_rig):
         """An interpolator that is due every fourth cycle may be interrupted by the servo calls in between."""
@@ -161,7 +163,7 @@ class TestInterpolator:
         levels.set_computing_time(servo_ns=MS // 2, interpolator_ns=5 * MS)
         rig.rows.clear()
         rig.cycles(80)
-        assert not rig.told("overflow")
+        assert not rig.reported("overflow")
         position = rig.column("position_setpoint")
         assert {round(b - a, 9) for a, b in pairwise(position)} == {0.2}
         levels.set_computing_time(interpolator_ns=7 * MS)

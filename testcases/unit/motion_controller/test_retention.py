@@ -197,7 +197,7 @@ def test_a_virtual_axis_by_download(rig):
     rig.controller.download("axis1", {"VirtualAxis.Mode": 1})
     rig.running().enabled()
     assert rig.axis.object.servo.virtual
-    assert rig.told("axis1 loaded")
+    assert rig.reported("axis1 loaded")
 
 
 @pytest.mark.parametrize(
@@ -233,7 +233,7 @@ def test_the_operative_encoder(make_two_encoders):
 
 
 @pytest.mark.requirement("CFG-269", "CFG-268")
-def test_a_time_in_milliseconds_is_told(make_rig):
+def test_a_time_in_milliseconds_is_reported(make_rig):
     """0.125 instead of 0.000125 s is used as it is, and doubted; the axis lags by as much, because the
     controller reckons with it.
     """

@@ -128,7 +128,7 @@ def test_one_failing_case_makes_a_requirement_fail():
 
 
 def test_totals_per_family_add_up():
-    """Untested, unknown and tested requirements are told apart, family by family."""
+    """Untested, unknown and tested requirements are distinguished, family by family."""
     run = make(
         CaseResult("a", "", Verdict.PASSED, requirements=["STP-001", "C402-9"]),
         CaseResult("b", "", Verdict.ERROR, requirements=["STP-002"]),

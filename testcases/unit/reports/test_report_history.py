@@ -279,8 +279,8 @@ def test_a_report_made_again_finds_its_run(file):
     with History(file) as history:
         assert len(history.runs()) == 3
         assert history.number_of(run("9", a="p")) is None
-        judged_anew = run("2", a=case("a", "p", trace_digest="af"))
-        assert history.number_of(judged_anew) is None, "the same trace with another verdict is another run"
+        judged_again = run("2", a=case("a", "p", trace_digest="af"))
+        assert history.number_of(judged_again) is None, "the same trace with another verdict is another run"
 
 
 def test_old_runs_can_be_deleted(file):
@@ -329,7 +329,7 @@ def test_foreign_databases_and_missing_files_are_named(tmp_path, file):
 
 
 @pytest.mark.parametrize("page", range(1, 9))
-def test_a_damaged_history_is_told_as_one(file, page):
+def test_a_damaged_history_is_reported_as_one(file, page):
     """Whichever page of the file is overwritten: every answer is right, or an error that names the file."""
     for number in range(4):
         remember(run(str(number), **{f"c{k}": "p" for k in range(40)}), file)
@@ -345,7 +345,7 @@ def test_a_damaged_history_is_told_as_one(file, page):
             assert history.runs()[0].started == "new"
 
 
-def test_a_history_that_another_process_holds_is_told(monkeypatch, file):
+def test_a_history_that_another_process_holds_is_reported(monkeypatch, file):
     """After a while the run goes on without: the message says that somebody holds the file, not that it is
     none.
     """

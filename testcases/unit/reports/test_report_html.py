@@ -123,7 +123,7 @@ def test_every_case_is_embedded_in_order(run, page):
         )
 
 
-def test_large_run_has_its_cases_beside_the_page(run, page, tmp_path):
+def test_large_run_has_its_cases_next_to_the_page(run, page, tmp_path):
     """Beyond the limit every case is a script of one call with the data that a small page embeds; the page is
     whole else.
     """
@@ -141,7 +141,7 @@ def test_large_run_has_its_cases_beside_the_page(run, page, tmp_path):
 
 
 def test_folder_of_an_earlier_run_goes_and_foreign_files_stay(run, tmp_path):
-    """A report that is written anew leaves no case of the one before; what is not ours is not touched."""
+    """A report that is written again leaves no case of the one before; what is not ours is not touched."""
     path = render_html(run, tmp_path / "report.html", embedded=0)
     other = render_html(dataclasses.replace(run, title="other"), tmp_path / "other.html", embedded=0)
     keys = [Page(one.read_text("utf-8")).elements_of("html")[0]["data-key"] for one in (path, other)]

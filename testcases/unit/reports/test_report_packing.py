@@ -57,7 +57,7 @@ def test_helpers_that_cannot_work_are_replaced(cases, alone, tmp_path, monkeypat
     assert packed(cases, tmp_path / "helped", 2) == alone
 
 
-def test_what_is_wrong_with_a_case_is_told_here(cases, tmp_path):
+def test_what_is_wrong_with_a_case_is_reported_here(cases, tmp_path):
     """A missing archive is named as without helpers."""
     lost = StoredSignals(tmp_path, {"file": "signals/lost.npz", "columns": [["a.b", "", "t", "c", []]]})
     broken = CaseResult("broken", "", Verdict.PASSED, signals=lost)

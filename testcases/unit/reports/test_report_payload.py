@@ -68,8 +68,8 @@ def test_story_is_completed_from_the_records():
         (1.1, "expect"),
         (1.5, "inject"),
     ]
-    case.story.append(Step(1.0, "inject", "told"))
-    assert [step.text for step in full_story(case) if step.kind == "inject"] == ["told"]
+    case.story.append(Step(1.0, "inject", "reported"))
+    assert [step.text for step in full_story(case) if step.kind == "inject"] == ["reported"]
 
 
 def test_measured_time_gets_its_interval():
@@ -133,7 +133,7 @@ def test_script_json_cannot_leave_its_element(hostile):
         ("", ""),
     ],
 )
-def test_links_lead_to_files_beside_the_report_only(path, link):
+def test_links_lead_to_files_next_to_the_report_only(path, link):
     """An evidence link is a relative path, never a scheme or a way out."""
     assert file_link(path) == link
 
