@@ -8,6 +8,7 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, get_args, get_origin
 
 from hil.bench._models import (
+    CHOOSING,
     alternatives,
     choices_of,
     hints_of,
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
 _UNKNOWN: Final = ("extra_forbidden", "unexpected_keyword_argument")
-CHOOSING: Final = ("profile", "kind", "type")
-"""Keys that choose the model of a table."""
 _MISSING: Final = ("missing", "missing_keyword_only_argument")
 
 

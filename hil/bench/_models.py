@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
+from inspect import get_annotations
 from types import UnionType
 from typing import Annotated, Any, Final, Literal, TypeGuard, Union, get_args, get_origin, get_type_hints
 
@@ -13,6 +14,8 @@ from pydantic import BaseModel, Discriminator, Tag
 from pydantic.fields import FieldInfo
 from typing_extensions import Doc
 
+CHOOSING: Final = ("profile", "kind", "type")
+"""Keys that choose the model of a table."""
 _UNITS: Final[Mapping[str, str]] = {
     "_n_per_m_s": "N per m/s",
     "_n_per_m": "N/m",
@@ -62,6 +65,15 @@ def variants_of(hint: object) -> list[type]:
     return [one for one in alternatives(hint) if is_table(one)]
 
 
+def settings_of(hint: object) -> list[type]:
+    """Return the models of a table that are the settings of a device."""
+    return [one for one in alternatives(hint) if isinstance(one, type) and _is_settings(one)]
+
+
+def _is_settings(kind: type) -> bool:
+    return is_dataclass(kind) and not issubclass(kind, BaseModel)
+
+
 def model_of(hint: object) -> type | None:
     variants = variants_of(hint)
     return variants[0] if len(variants) == 1 else None
@@ -84,18 +96,21 @@ def tagged_of(hint: object) -> dict[str, type]:
 
 @cache
 def hints_of(model: type) -> Mapping[str, object]:
-    """Return the type hints of the keys of a table, in their order."""
+    """Return the type hints of the keys of a table, in the order of `keys_of`."""
     hints = get_type_hints(model, include_extras=True)
     return {key: hints[key] for key in keys_of(model)}
 
 
 def keys_of(model: type | None) -> tuple[str, ...]:
-    """Return the keys of a table, in their order."""
+    """Return the keys of a table: first those of its place in the bench file, then those of the device."""
     if model is None:
         return ()
-    if issubclass(model, BaseModel):
-        return tuple(model.model_fields)
-    return tuple(one.name for one in fields(model))  # type: ignore[arg-type]  # a dataclass
+    if not issubclass(model, BaseModel):
+        names = [one.name for one in fields(model)]  # type: ignore[arg-type]  # a dataclass
+        return tuple(sorted(names, key=lambda name: name not in CHOOSING))
+    tables = [base for base in model.__mro__ if issubclass(base, BaseModel)]
+    own = {key for base in tables for key in get_annotations(base)}
+    return tuple(sorted(model.model_fields, key=lambda key: key not in own))
 
 
 def choices_of(model: type, key: str) -> tuple[Any, ...]:

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import is_dataclass
-from functools import cache
 from types import UnionType
-from typing import Annotated, Any, ClassVar, Final, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Final, Union, get_args, get_origin
 
 from annotated_types import Unit
 from pydantic import (
     BaseModel,
-    ConfigDict,
     Field,
     ValidationError,
     ValidationInfo,
@@ -21,7 +18,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from fieldbus.errors import ConfigurationError
-from hil.bench._models import alternatives
+from hil.bench._models import hints_of, settings_of
 
 _SCALARS: Final[Mapping[type, str]] = {
     bool: "true or false",
@@ -33,9 +30,6 @@ _SCALARS: Final[Mapping[type, str]] = {
 WHOLE_SENTENCE: Final = "whole_sentence"
 """Type of a mistake whose text says everything: its value is not what is wrong."""
 
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 Word = Annotated[int, Field(ge=0, le=0xFFFFFFFF)]
 RampTime = Annotated[float, Field(ge=0.001, le=1000.0)]
 Time_ms = Annotated[float, Field(ge=0.0, le=5000.0)]
@@ -44,10 +38,8 @@ NodeId = Annotated[int, Field(ge=1, le=126)]
 Port = Annotated[int, Field(ge=0, le=65535)]
 
 
-class Table(BaseModel):
+class Table(BaseModel, extra="forbid", frozen=True, allow_inf_nan=False):
     """A table of the bench file, immutable."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     label: ClassVar[str] = ""
     """How messages call this table among those that stand in the same place: `a
@@ -79,10 +71,10 @@ def sentence(text: str, place: tuple[str | int, ...], value: object) -> InitErro
 
 def _of_another_type(hint: Any, value: Any, path: tuple[str | int, ...]) -> Iterator[InitErrorDetails]:
     """Yield an error for a text where a number is expected and the like; a model checks its own fields."""
-    tables = [one for one in alternatives(hint) if isinstance(one, type) and is_dataclass(one)]
+    tables = settings_of(hint)
     if tables:
         for key, one in value.items() if isinstance(value, Mapping) else ():
-            found = next((_hints(table)[key] for table in tables if key in _hints(table)), None)
+            found = next((hints_of(table)[key] for table in tables if key in hints_of(table)), None)
             yield from _of_another_type(found, one, (*path, key))
         return
     if get_origin(hint) is tuple and isinstance(value, (list, tuple)):
@@ -108,8 +100,3 @@ def _scalars(hint: Any) -> set[type]:
     if get_origin(hint) not in (Union, UnionType, Annotated):
         return set()
     return set().union(*map(_scalars, get_args(hint)))
-
-
-@cache
-def _hints(kind: type) -> dict[str, Any]:
-    return get_type_hints(kind, include_extras=True)

@@ -107,7 +107,7 @@ def _paths_of(kind: str) -> set[str]:
 HomingInput = Literal["home", "negative_limit", "positive_limit"]
 
 
-class AxisTable(Table):
+class AxisTable(Table, frozen=True):
     """`[axis.NAME]`: a technology object."""
 
     type: Literal["positioning", "speed", "synchronous"] = "positioning"
@@ -152,7 +152,7 @@ class AxisTable(Table):
         return self
 
 
-class ExternalEncoderTable(Table):
+class ExternalEncoderTable(Table, frozen=True):
     """`[external_encoder.NAME]`: a technology object that reads an encoder and moves nothing."""
 
     encoder: str

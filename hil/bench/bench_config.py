@@ -7,11 +7,12 @@ from typing import Annotated, Literal
 from annotated_types import Unit
 from pydantic import Field, model_validator
 
+from emulators.checked_fields import NotNegative
 from fieldbus.clock import MS, US
-from hil.bench._table import Cycles, NotNegative, Table
+from hil.bench._table import Cycles, Table
 
 
-class BenchTable(Table):
+class BenchTable(Table, frozen=True):
     """`[bench]`: what is common to the whole bench."""
 
     name: str = Field(min_length=1)
@@ -84,7 +85,7 @@ class BenchTable(Table):
         return max(1 * MS, self.servo_period_ns)
 
 
-class ToleranceTable(Table):
+class ToleranceTable(Table, frozen=True):
     """`[tolerance]`: how far a measurement on this bench may lie from the number of the specification."""
 
     cycles: Annotated[NotNegative, Unit("cycles")] = 2.0

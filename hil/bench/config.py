@@ -60,7 +60,7 @@ _ANCHORED: Final = {"drive": ("eds", "storage", "map"), "device": ("eds", "stora
 """Keys of tables by name that may be files relative to the bench file."""
 
 
-class BenchConfig(Table):
+class BenchConfig(Table, frozen=True):
     """A whole bench file."""
 
     bench: BenchTable

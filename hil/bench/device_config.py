@@ -19,7 +19,7 @@ DEVICE_METHODS: Final = frozenset(("power_off", "power_on", "stop_heartbeat", "g
 """Methods of a device that may be called from another process."""
 
 
-class DeviceTable(Table):
+class DeviceTable(Table, frozen=True):
     """`[device.NAME]`: an emulated CANopen device of any kind, made of its EDS."""
 
     segment: str

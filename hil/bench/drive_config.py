@@ -110,7 +110,7 @@ _RECORD_BYTES: Final = 14
 """Registers of a request for one parameter, with the header of data record 47."""
 
 
-class _DriveTable(Table):
+class _DriveTable(Table, frozen=True):
     """What a drive of any profile has."""
 
     bus: ClassVar[Literal["can", "modbus", "station"]] = "can"
@@ -214,7 +214,7 @@ class _DriveTable(Table):
         )
 
 
-class _NodeTable(_DriveTable):
+class _NodeTable(_DriveTable, frozen=True):
     """What a drive on CANopen has."""
 
     node_id: NodeId
@@ -265,7 +265,7 @@ class _NodeTable(_DriveTable):
         }
 
 
-class _StoringNodeTable(_NodeTable):
+class _StoringNodeTable(_NodeTable, frozen=True):
     """What a drive on CANopen has that can store its parameters."""
 
     storage: str | None = None
@@ -291,7 +291,7 @@ class _StoringNodeTable(_NodeTable):
         return None if self.storage is None else Path(self.storage)
 
 
-class _ServoTable(_DriveTable):
+class _ServoTable(_DriveTable, frozen=True):
     """What a servo drive of any profile has: motor, encoder, machine, brake and speed loop."""
 
     terminals: ClassVar[Mapping[str, Sequence[str]]] = {"digital_inputs": SWITCHES, "counters": ("encoder",)}
@@ -362,7 +362,7 @@ class _ServoTable(_DriveTable):
         }
 
 
-class _PoweredServoTable(_ServoTable):
+class _PoweredServoTable(_ServoTable, frozen=True):
     """What a servo drive on a bus has: power stage with DC link and protection."""
 
     off1_ramp_s: Off1Ramp_s = 1.0
@@ -382,7 +382,7 @@ class _PoweredServoTable(_ServoTable):
         }
 
 
-class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable):
+class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, frozen=True):
     """`[drive.NAME]` with `profile = "cia402"`: a servo drive with the profile CiA 402."""
 
     label: ClassVar[str] = 'a drive with profile = "cia402"'
@@ -508,7 +508,7 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable):
         return Cia402Port(site.masters[self.segment], config, name=site.name, history=site.history)
 
 
-class _ProfidriveTable(_PoweredServoTable):
+class _ProfidriveTable(_PoweredServoTable, frozen=True):
     """What a PROFIdrive axis on any bus has."""
 
     profile: Literal["profidrive"]
@@ -670,7 +670,7 @@ class _ProfidriveTable(_PoweredServoTable):
         )
 
 
-class ProfidriveCanTable(_ProfidriveTable, _StoringNodeTable):
+class ProfidriveCanTable(_ProfidriveTable, _StoringNodeTable, frozen=True):
     """`[drive.NAME]` with `profile = "profidrive"` and a `node_id`: a PROFIdrive axis on CAN."""
 
     label: ClassVar[str] = 'a drive with profile = "profidrive" and node_id (on CAN)'
@@ -731,7 +731,7 @@ class ProfidriveCanTable(_ProfidriveTable, _StoringNodeTable):
         return ProfidriveCanPort(site.masters[self.segment], config, name=site.name, history=site.history)
 
 
-class ProfidriveModbusTable(_ProfidriveTable):
+class ProfidriveModbusTable(_ProfidriveTable, frozen=True):
     """`[drive.NAME]` with `profile = "profidrive"` and no `node_id`: a PROFIdrive axis on Modbus."""
 
     label: ClassVar[str] = 'a drive with profile = "profidrive" without node_id (on Modbus)'
@@ -888,7 +888,7 @@ class ProfidriveModbusTable(_ProfidriveTable):
         return port
 
 
-class AnalogDriveTable(_ServoTable):
+class AnalogDriveTable(_ServoTable, frozen=True):
     """`[drive.NAME]` with `profile = "analog"`: a drive with an analog setpoint, wired to an I/O station."""
 
     label: ClassVar[str] = 'a drive with profile = "analog"'
@@ -987,7 +987,7 @@ class AnalogDriveTable(_ServoTable):
         return AnalogPort(site.links[place], config, name=name, history=site.history)
 
 
-class _PulseTable(_NodeTable):
+class _PulseTable(_NodeTable, frozen=True):
     """What both kinds of pulse modules have."""
 
     @abstractmethod
@@ -1037,7 +1037,7 @@ class _PulseTable(_NodeTable):
         return "standard"
 
 
-class PulseDriveTable(_PulseTable):
+class PulseDriveTable(_PulseTable, frozen=True):
     """`[drive.NAME]` with `profile = "tm_pto"`: a pulse module with a stepper motor."""
 
     label: ClassVar[str] = 'a drive with profile = "tm_pto"'
@@ -1110,7 +1110,7 @@ class PulseDriveTable(_PulseTable):
         )
 
 
-class SignalOutputTable(_PulseTable):
+class SignalOutputTable(_PulseTable, frozen=True):
     """`[drive.NAME]` with `profile = "tm41"`: an encoder-signal output."""
 
     label: ClassVar[str] = 'a drive with profile = "tm41"'

@@ -12,7 +12,7 @@ from emulators.drive.second_encoder_config import LinearSecondEncoder, RotarySec
 from hil.bench._table import Table
 
 
-class NoSecondEncoder(Table):
+class NoSecondEncoder(Table, frozen=True):
     """`[drive.NAME.encoder2]` with `type = "none"`: there is no second encoder."""
 
     label: ClassVar[str] = 'an encoder2 with type = "none"'
@@ -58,7 +58,7 @@ AnySecondEncoder = Annotated[
 """`[drive.NAME.encoder2]`, chosen by its key `type`."""
 
 
-class ProfidriveTable(Table):
+class ProfidriveTable(Table, frozen=True):
     """`[drive.NAME.profidrive]`: supplements, references and monitoring of a PROFIdrive axis."""
 
     torque_telegram: bool = False

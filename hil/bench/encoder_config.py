@@ -12,10 +12,18 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 from annotated_types import Unit
 from pydantic import Discriminator, Field, Tag, WrapValidator, model_validator
 
-from emulators.encoder.coupling import Coupling, gear_ratio, linear_coupling, rotary_coupling, scale_periods
-from emulators.encoder.profidrive.format import FineBits, fitted_format
+from emulators.checked_fields import NotNegative
+from emulators.encoder.keys import (
+    LinearMountingKeys,
+    LinearWarningKeys,
+    MountingKeys,
+    RotaryKeys,
+    RotaryMountingKeys,
+    RotaryWarningKeys,
+)
+from emulators.encoder.profidrive.settings import ProfidriveEncoderSettings
 from fieldbus.node_clock import NodeClock
-from hil.bench._table import Finite, NodeId, NotNegative, Positive, Table, refused_by_part
+from hil.bench._table import NodeId, Table, refused_by_part
 
 if TYPE_CHECKING:
     import canopen
@@ -41,31 +49,10 @@ LINEAR: Final = (
 """Types that measure a length."""
 
 
-class EncoderTelegramTable(Table):
-    """`[encoder.NAME.profidrive]`: the telegram of a PROFIdrive encoder, and how its values are formed."""
-
-    telegram: Literal[81, 82, 83, 84] = 81
-    """82 and 83 bring the speed too, 84 the speed and a counter of 64 bits."""
-    sign_of_life: bool = True
-    """It works isochronously: both sides watch the counter of the other."""
-    sign_of_life_tolerance: Annotated[int, Field(ge=0, le=65_535)] = 1
-    """Failures that the emulated encoder tolerates (PNU 925); 65535 = not monitored."""
-    fine_xist1_bits: FineBits | None = None
-    """Fine resolution of G1_XIST1 (P979[3]); none: 11, or as many as fit."""
-    fine_xist2_bits: FineBits | None = None
-    """Fine resolution of G1_XIST2 (P979[4]); none: 9, or as many as fit."""
-    counter_bits: Annotated[int, Field(ge=8, le=32)] = 32
-    """Width of G1_XIST1; a controller has to know of less than 32 (`BehaviorGx_XIST1` = 0)."""
-    reference_speed: Annotated[Positive, Unit("rpm or mm/s")] = 3000.0
-    """What 4000h (4000 0000h) of the speed stands for."""
-    zero_mark: Annotated[int, Field(ge=0), Unit("inc")] = 0
-    """Place of the zero mark, increments of G1_XIST1."""
-
-
-class _ShaftTable(Table):
+class _ShaftTable(Table, frozen=True):
     """What the shaft or slide of an encoder of its own has."""
 
-    profile: Annotated[tuple[tuple[NotNegative, Finite], ...], Unit("s; rpm or mm/s")] | None = None
+    profile: Annotated[tuple[tuple[NotNegative, float], ...], Unit("s; rpm or mm/s")] | None = None
     """Duration and speed at its end, one after the other, with linear changes; instead of a constant speed.
     """
     repeat: bool = False
@@ -102,12 +89,12 @@ class _ShaftTable(Table):
         return shaft
 
 
-class ShaftTable(_ShaftTable):
+class ShaftTable(_ShaftTable, frozen=True):
     """`[encoder.NAME.shaft]`: how the shaft of a rotary encoder turns; a test may move it otherwise."""
 
     label: ClassVar[str] = "the shaft of a rotary encoder"
 
-    speed_rpm: Finite = 0.0
+    speed_rpm: float = 0.0
     """Constant speed of a shaft."""
 
     @property
@@ -116,12 +103,12 @@ class ShaftTable(_ShaftTable):
         return self.speed_rpm
 
 
-class SlideTable(_ShaftTable):
+class SlideTable(_ShaftTable, frozen=True):
     """`[encoder.NAME.shaft]`: how the slide of a linear encoder moves; a test may move it otherwise."""
 
     label: ClassVar[str] = "the slide of a linear encoder"
 
-    speed_mm_s: Finite = 0.0
+    speed_mm_s: float = 0.0
     """Constant speed of a linear encoder's slide."""
 
     @property
@@ -130,7 +117,7 @@ class SlideTable(_ShaftTable):
         return self.speed_mm_s
 
 
-class _EncoderTable(Table):
+class _EncoderTable(Table, MountingKeys, frozen=True):
     """What an encoder of any profile and kind has."""
 
     linear: ClassVar[bool]
@@ -150,14 +137,6 @@ class _EncoderTable(Table):
     """
     on: str | None = None
     """Machine that it sits on; none: a shaft of its own; the name of a drive."""
-    mounting: Literal["motor", "load"] = "motor"
-    """The motor shaft, or the load behind gear and screw; a linear encoder needs `load`."""
-    gear_numerator: Annotated[int, Field(ge=1)] = 1
-    """Revolutions of the encoder ..."""
-    gear_denominator: Annotated[int, Field(ge=1)] = 1
-    """... per so many revolutions of the shaft."""
-    reversed: bool = False
-    """Mounted the other way round."""
     heartbeat_ms: Annotated[int, Field(ge=0, le=60000)] = 100
     """Heartbeat of the encoder; 0 = none. That of a physical one is what it was set to: with 0 here the
     bench does not wait for it.
@@ -167,16 +146,6 @@ class _EncoderTable(Table):
     @abstractmethod
     def motion(self) -> _ShaftTable:
         """How its own shaft or slide moves."""
-
-    @abstractmethod
-    def coupling(self, lead_mm: float | None) -> Coupling:
-        """Return how it is coupled to a machine or shaft.
-
-        Args:
-            lead_mm: Lead of the screw for a rotary encoder at the load; None: at a motor shaft or a
-                shaft of its own.
-
-        """
 
     @abstractmethod
     def build(
@@ -220,10 +189,6 @@ class _EncoderTable(Table):
         return "incremental" not in self.type
 
     @property
-    def _ratio(self) -> float:
-        return gear_ratio(self.gear_numerator, self.gear_denominator, reversed_direction=self.reversed)
-
-    @property
     def speed_scale(self) -> float:
         """rad/s per rpm, or m/s per mm/s."""
         return 1.0 / 1000.0 if self.linear else _RPM
@@ -234,8 +199,7 @@ class _EncoderTable(Table):
         """Return how the encoder follows a machine or its own shaft, and that shaft."""
         from emulators.encoder import Mounting
 
-        at_load = self.on is not None and self.mounting == "load"
-        ratio, offset, backlash = self.coupling(lead_mm if at_load else None)
+        ratio, offset, backlash = self.coupling(lead_mm)
         shaft: DrivenShaft | None = None
         source: Callable[[], float]
         if self.on is None:
@@ -263,23 +227,11 @@ class _EncoderTable(Table):
         return {f"{prefix}.Type": int(self.absolute), f"{prefix}.Parameter.FineResolutionXist1": 0}
 
 
-class _RotaryTable(_EncoderTable):
+class _RotaryTable(_EncoderTable, RotaryMountingKeys, RotaryKeys, frozen=True):
     """What a rotary encoder of any profile has."""
 
     linear: ClassVar[bool] = False
 
-    steps_per_revolution: Annotated[int, Field(ge=4, le=2**31), Unit("steps/rev")] = 8192
-    """Single-turn resolution (6501h)."""
-    revolutions: Annotated[int, Field(ge=1, le=65535)] = 4096
-    """Distinguishable revolutions (6502h); together at most 2147483648 steps."""
-    mm_per_revolution: Positive | None = None
-    """Travel of the load per revolution of a rotary encoder with `mounting =
-    "load"`; none: the lead of the screw.
-    """
-    offset_deg: Finite = 0.0
-    """Place of the encoder where the machine is at zero."""
-    backlash_deg: NotNegative = 0.0
-    """Play of the coupling of a rotary encoder."""
     shaft: ShaftTable = ShaftTable()
 
     @model_validator(mode="after")
@@ -292,26 +244,6 @@ class _RotaryTable(_EncoderTable):
     def motion(self) -> ShaftTable:
         """How its own shaft turns."""
         return self.shaft
-
-    @property
-    def turns(self) -> int:
-        """Revolutions that the PROFIdrive format tells apart; 0 = it is incremental."""
-        return {"multi_turn": self.revolutions, "single_turn": 1}.get(self.type, 0)
-
-    def coupling(self, lead_mm: float | None) -> Coupling:
-        """Return how it is coupled to a machine or shaft.
-
-        Args:
-            lead_mm: Lead of the screw for an encoder at the load; None: at a motor shaft or a shaft of
-                its own.
-
-        """
-        return rotary_coupling(
-            self._ratio,
-            offset_deg=self.offset_deg,
-            backlash_deg=self.backlash_deg,
-            mm_per_revolution=None if lead_mm is None else self.mm_per_revolution or lead_mm,
-        )
 
     def taken_over(self, prefix: str) -> dict[str, int | float]:
         """Return the variables that an axis takes over from the encoder, as an
@@ -329,21 +261,11 @@ class _RotaryTable(_EncoderTable):
         return values
 
 
-class _LinearTable(_EncoderTable):
+class _LinearTable(_EncoderTable, LinearMountingKeys, frozen=True):
     """What a linear encoder of any profile has."""
 
     linear: ClassVar[bool] = True
 
-    measuring_step_um: Positive = 1.0
-    """Measuring step of a linear encoder (6501h); distance of two lines of a PROFIdrive one (P979[2]); in
-    steps of 0.001.
-    """
-    length_mm: Positive = 2000.0
-    """Length of the scale, or period of a cyclic code."""
-    offset_mm: Finite | None = None
-    """Place on the scale where the machine is at zero; none: its middle."""
-    backlash_mm: NotNegative = 0.0
-    """Play of the coupling of a linear one."""
     shaft: SlideTable = SlideTable()
 
     @model_validator(mode="after")
@@ -359,17 +281,6 @@ class _LinearTable(_EncoderTable):
         """How its own slide moves."""
         return self.shaft
 
-    def coupling(self, lead_mm: float | None) -> Coupling:  # noqa: ARG002 - a scale measures the load itself
-        """Return how it is coupled to a machine or slide.
-
-        Args:
-            lead_mm: Lead of the screw; without effect.
-
-        """
-        return linear_coupling(
-            self._ratio, length_mm=self.length_mm, offset_mm=self.offset_mm, backlash_mm=self.backlash_mm
-        )
-
     def taken_over(self, prefix: str) -> dict[str, int | float]:
         """Return the variables that an axis takes over from the encoder, as an
         offline transfer does (CFG-356).
@@ -381,7 +292,7 @@ class _LinearTable(_EncoderTable):
         return values
 
 
-class _Cia406Table(_EncoderTable):
+class _Cia406Table(_EncoderTable, frozen=True):
     """What a CiA 406 encoder of any kind has."""
 
     cyclic_timer_ms: Annotated[int, Field(ge=0, le=65535)] = 0
@@ -439,7 +350,7 @@ class _Cia406Table(_EncoderTable):
         )
 
 
-class RotaryEncoderTable(_Cia406Table, _RotaryTable):
+class RotaryEncoderTable(_Cia406Table, _RotaryTable, RotaryWarningKeys, frozen=True):
     """`[encoder.NAME]`: a rotary CiA 406 encoder."""
 
     label: ClassVar[str] = 'a rotary encoder with profile = "cia406"'
@@ -457,8 +368,6 @@ class RotaryEncoderTable(_Cia406Table, _RotaryTable):
     ] = "multi_turn"
     """Device type (1000h); the second sensor of `multi_sensor` sits a quarter of the scale behind the first.
     """
-    max_speed_rpm: Positive | None = None
-    """Speed from which on it warns (6505h bit 0)."""
 
     def config(self) -> EncoderDeviceConfig:
         """Return the configuration of the emulated encoder.
@@ -474,12 +383,12 @@ class RotaryEncoderTable(_Cia406Table, _RotaryTable):
             kind=EncoderType[self.type.upper()],
             steps_per_revolution=self.steps_per_revolution,
             revolutions=self.revolutions,
-            max_speed=None if self.max_speed_rpm is None else self.max_speed_rpm * _RPM,
+            max_speed_rpm=self.max_speed_rpm,
             objects=self._objects,
         )
 
 
-class LinearEncoderTable(_Cia406Table, _LinearTable):
+class LinearEncoderTable(_Cia406Table, _LinearTable, LinearWarningKeys, frozen=True):
     """`[encoder.NAME]`: a linear CiA 406 encoder."""
 
     label: ClassVar[str] = 'a linear encoder with profile = "cia406"'
@@ -497,8 +406,6 @@ class LinearEncoderTable(_Cia406Table, _LinearTable):
     ]
     """Device type (1000h); the second sensor of `multi_sensor` sits a quarter of the scale behind the first.
     """
-    max_speed_mm_s: Positive | None = None
-    """The same for a linear one."""
 
     def config(self) -> EncoderDeviceConfig:
         """Return the configuration of the emulated encoder.
@@ -509,22 +416,21 @@ class LinearEncoderTable(_Cia406Table, _LinearTable):
         """
         from emulators.encoder.cia406 import EncoderDeviceConfig, EncoderType
 
-        length_m = self.length_mm / 1000.0
         return EncoderDeviceConfig(
             node_id=self.node_id,
             kind=EncoderType[self.type.upper()],
-            measuring_step_nm=round(self.measuring_step_um * 1000.0),
-            length_m=length_m,
-            sensor_places_m=(0.0, _SENSOR_SHARE * length_m),
-            max_speed=None if self.max_speed_mm_s is None else self.max_speed_mm_s / 1000.0,
+            measuring_step_um=self.measuring_step_um,
+            length_mm=self.length_mm,
+            sensor_places_m=(0.0, _SENSOR_SHARE * (self.length_mm / 1000.0)),
+            max_speed_mm_s=self.max_speed_mm_s,
             objects=self._objects,
         )
 
 
-class _ProfidriveEncoderTable(_EncoderTable):
+class _ProfidriveEncoderTable(_EncoderTable, frozen=True):
     """What a PROFIdrive encoder of any kind has."""
 
-    profidrive: EncoderTelegramTable = EncoderTelegramTable()
+    profidrive: ProfidriveEncoderSettings = ProfidriveEncoderSettings()
 
     @abstractmethod
     def form(self) -> EncoderFormat:
@@ -549,19 +455,11 @@ class _ProfidriveEncoderTable(_EncoderTable):
         from emulators.encoder.profidrive.device import ProfidriveEncoderConfig
         from emulators.encoder.profidrive.model import encoder_model
 
-        own = self.profidrive
         form = self.form()
-        encoder_model(form, zero_mark=own.zero_mark)
+        encoder_model(form, zero_mark=self.profidrive.zero_mark)
         return ProfidriveEncoderNodeConfig(
             node_id=self.node_id,
-            encoder=ProfidriveEncoderConfig(
-                form=form,
-                telegram=own.telegram,
-                zero_mark=own.zero_mark,
-                reference_speed=own.reference_speed,
-                isochronous=own.sign_of_life,
-                tolerance=own.sign_of_life_tolerance,
-            ),
+            encoder=ProfidriveEncoderConfig(form=form, settings=self.profidrive),
             cycle_ns=cycle_ns,
             heartbeat_ms=self.heartbeat_ms,
         )
@@ -625,7 +523,7 @@ class _ProfidriveEncoderTable(_EncoderTable):
         }
 
 
-class ProfidriveRotaryTable(_ProfidriveEncoderTable, _RotaryTable):
+class ProfidriveRotaryTable(_ProfidriveEncoderTable, _RotaryTable, frozen=True):
     """`[encoder.NAME]`: a rotary PROFIdrive encoder."""
 
     label: ClassVar[str] = 'a rotary encoder with profile = "profidrive"'
@@ -640,18 +538,10 @@ class ProfidriveRotaryTable(_ProfidriveEncoderTable, _RotaryTable):
             ConfigurationError: Resolution, range and fine bits do not fit together.
 
         """
-        own = self.profidrive
-        return fitted_format(
-            self.steps_per_revolution,
-            self.turns,
-            fine_xist1=own.fine_xist1_bits,
-            fine_xist2=own.fine_xist2_bits,
-            wide=own.telegram == 84,
-            counter_bits=own.counter_bits,
-        )
+        return self.profidrive.form(self.steps_per_revolution, self.turns_of(self.type))
 
 
-class ProfidriveLinearTable(_ProfidriveEncoderTable, _LinearTable):
+class ProfidriveLinearTable(_ProfidriveEncoderTable, _LinearTable, frozen=True):
     """`[encoder.NAME]`: a linear PROFIdrive encoder."""
 
     label: ClassVar[str] = 'a linear encoder with profile = "profidrive"'
@@ -666,17 +556,7 @@ class ProfidriveLinearTable(_ProfidriveEncoderTable, _LinearTable):
             ConfigurationError: Resolution, range and fine bits do not fit together.
 
         """
-        own = self.profidrive
-        periods, grid_nm = scale_periods(self.measuring_step_um, self.length_mm)
-        return fitted_format(
-            periods,
-            1 if self.absolute else 0,
-            grid_nm=grid_nm,
-            fine_xist1=own.fine_xist1_bits,
-            fine_xist2=own.fine_xist2_bits,
-            wide=own.telegram == 84,
-            counter_bits=own.counter_bits,
-        )
+        return self.profidrive.form(self.periods, 1 if self.absolute else 0, grid_nm=self.measuring_step_nm)
 
 
 def _cia406_dictionary(kind: str) -> canopen.ObjectDictionary:

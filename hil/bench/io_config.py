@@ -58,7 +58,7 @@ class WiredStation:
         )
 
 
-class StationTable(Table):
+class StationTable(Table, frozen=True):
     """`[station.NAME]`: an emulated I/O station on a Modbus segment."""
 
     segment: str

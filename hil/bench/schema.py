@@ -20,8 +20,8 @@ from typing import Any, Final, Literal, NamedTuple, get_args, get_origin
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from hil.bench._messages import CHOOSING
 from hil.bench._models import (
+    CHOOSING,
     alternatives,
     doc_of,
     hints_of,

@@ -28,7 +28,7 @@ Option = bool | int | float | str
 """Value of an option that python-can passes to its interface."""
 
 
-class BridgeTable(Table):
+class BridgeTable(Table, frozen=True):
     """`[segment.NAME.bridge]`: the other side of a live segment that is made of two buses."""
 
     channel: str
@@ -41,7 +41,7 @@ class BridgeTable(Table):
     """Who passes frames on: the process of the bench, or the kernel (`can-gw`, SocketCAN only)."""
 
 
-class CanTable(Table):
+class CanTable(Table, frozen=True):
     """`[segment.NAME]` with `kind = "can"`: a CAN segment."""
 
     label: ClassVar[str] = 'a segment of kind = "can"'
@@ -129,7 +129,7 @@ class CanTable(Table):
         return self.model_copy(update={"interface": None, "channel": None, "options": {}, "bridge": None})
 
 
-class _ModbusTable(Table):
+class _ModbusTable(Table, frozen=True):
     """What both kinds of Modbus have."""
 
     on_modbus: ClassVar[bool] = True
@@ -140,7 +140,7 @@ class _ModbusTable(Table):
     """
 
 
-class TcpTable(_ModbusTable):
+class TcpTable(_ModbusTable, frozen=True):
     """`[segment.NAME]` with `kind = "modbus_tcp"`: a network."""
 
     label: ClassVar[str] = 'a segment of kind = "modbus_tcp"'
@@ -182,7 +182,7 @@ class TcpTable(_ModbusTable):
         return self
 
 
-class RtuTable(_ModbusTable):
+class RtuTable(_ModbusTable, frozen=True):
     """`[segment.NAME]` with `kind = "modbus_rtu"`: a serial line."""
 
     label: ClassVar[str] = 'a segment of kind = "modbus_rtu"'

@@ -12,6 +12,7 @@ from emulators.drive.profidrive.config import POSITION_TELEGRAMS
 from emulators.encoder import Mounting
 from emulators.encoder.profidrive import EncoderFormat
 from emulators.encoder.profidrive.device import ProfidriveEncoder, ProfidriveEncoderConfig
+from emulators.encoder.profidrive.settings import ProfidriveEncoderSettings
 from fieldbus.can.frame import CanFrame
 from fieldbus.canopen import CanopenMaster
 from fieldbus.clock import MS, VirtualScheduler
@@ -170,7 +171,10 @@ def _encoder(number: int) -> Take:
         angle = [0.0]
         encoder = ProfidriveEncoder(
             scheduler,
-            ProfidriveEncoderConfig(form=form, telegram=number, isochronous=bool(len(data) & 1)),
+            ProfidriveEncoderConfig(
+                form=form,
+                settings=ProfidriveEncoderSettings(telegram=number, sign_of_life=bool(len(data) & 1)),
+            ),
             Mounting(lambda: angle[0]),
         )
         course = Course(layout, data)

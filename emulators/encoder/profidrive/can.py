@@ -142,7 +142,7 @@ class ProfidriveCanEncoder(ProfidriveSensor):
         )
         self.slave = slave = self.node.slave
         self._set_defaults()
-        self._words = ProcessWords(slave, telegram(config.encoder.telegram))
+        self._words = ProcessWords(slave, telegram(config.encoder.settings.telegram))
         self._code = 0
         self.trace_columns = names_and_units(_COLUMNS, "m" if config.encoder.form.linear else "rad")
         """(name, unit) of the values of `trace_row`."""
@@ -152,21 +152,24 @@ class ProfidriveCanEncoder(ProfidriveSensor):
             slave,
             self._words,
             self._cycle,
-            free_running_ns=None if config.encoder.isochronous else config.cycle_ns,
+            free_running_ns=None if config.encoder.settings.sign_of_life else config.cycle_ns,
         )
 
     def _set_defaults(self) -> None:
         """Enter what depends on the telegram: its number, formats, and PDOs
         with no more words than it has.
         """
-        words = telegram(self.config.encoder.telegram).actual.words
-        values = {(0x1017, 0): self.config.heartbeat_ms, (objects.TELEGRAM, 0): self.config.encoder.telegram}
+        words = telegram(self.config.encoder.settings.telegram).actual.words
+        values = {
+            (0x1017, 0): self.config.heartbeat_ms,
+            (objects.TELEGRAM, 0): self.config.encoder.settings.telegram,
+        }
         values.update({(objects.FORMAT, at): value for at, value in enumerate(self.device.p979, 1)})
-        for number in range(3):
-            left = words - objects.WORDS_PER_PDO * number
-            values[0x1A00 + number, 0] = min(max(left, 0), objects.WORDS_PER_PDO)
+        for pdo in range(3):
+            left = words - objects.WORDS_PER_PDO * pdo
+            values[0x1A00 + pdo, 0] = min(max(left, 0), objects.WORDS_PER_PDO)
             if left <= 0:
-                values[0x1800 + number, 1] = (0x180 + 0x100 * number + self.config.node_id) | _NOT_VALID_PDO
+                values[0x1800 + pdo, 1] = (0x180 + 0x100 * pdo + self.config.node_id) | _NOT_VALID_PDO
         self.node.set_defaults(values, "encoder")
 
     def trace_row(self) -> tuple[float, ...]:

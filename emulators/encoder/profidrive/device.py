@@ -15,18 +15,18 @@ from emulators.encoder.profidrive._abilities import EncoderAbilities, EncoderSta
 from emulators.encoder.profidrive.format import EncoderFormat, p979
 from emulators.encoder.profidrive.interface import SIGN_OF_LIFE_FAILED, EncoderInterface
 from emulators.encoder.profidrive.model import encoder_model
+from emulators.encoder.profidrive.settings import ProfidriveEncoderSettings
 from emulators.mechanics import SwitchModel
 from fieldbus.clock import MS, S, Scheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import STW2_ENC, ZSW2_ENC, telegram, to_n2, to_n4
-from fieldbus.profidrive.sign_of_life import UNMONITORED, SignOfLife
+from fieldbus.profidrive.sign_of_life import SignOfLife
 from fieldbus.profidrive.words import SIGN_OF_LIFE_SHIFT
 
 if TYPE_CHECKING:
     import numpy as np
 
 _TAU: Final = 2.0 * math.pi
-TELEGRAMS: Final = (81, 82, 83, 84)
 PROBES_MAX: Final = 2
 
 
@@ -36,15 +36,12 @@ class ProfidriveEncoderConfig:
 
     Args:
         form: Formats, kind and resolution.
-        telegram: 81 to 84 (PD-010 to PD-013); 84 needs `form.wide`.
+        settings: Telegram (PD-010 to PD-013; 84 needs `form.wide`), sign of life (PD-130), zero mark and
+            reference speed; the formats are those of `form`.
         abilities: What the encoder interface can do.
-        zero_mark: Place of the zero mark, increments of the model, 0..form.counts - 1.
         reversed_direction: Counts the other way round.
         mounting_offset: Value where the machine is at zero, increments of the
             model; only for absolute encoders.
-        reference_speed: 100 % of NIST_A and NIST_B: rpm, linear: mm/s; > 0.
-        isochronous: The sign of life is evaluated and sent (PD-130).
-        tolerance: Tolerated failures of the sign of life (PNU 925), 0..65535.
         factor: Bus cycles in an application cycle of the controller, >= 1.
         compatible: True: G1_STW counts without control by PLC, as in the compatibility mode of the
             encoder profile.
@@ -55,30 +52,20 @@ class ProfidriveEncoderConfig:
     """
 
     form: EncoderFormat
-    telegram: int = 81
+    settings: ProfidriveEncoderSettings = field(default_factory=ProfidriveEncoderSettings)
     abilities: EncoderAbilities = field(default_factory=EncoderAbilities)
-    zero_mark: int = 0
     reversed_direction: bool = False
     mounting_offset: int = 0
-    reference_speed: float = 3000.0
-    isochronous: bool = False
-    tolerance: int = 1
     factor: int = 1
     compatible: bool = False
 
     def __post_init__(self) -> None:
-        if self.telegram not in TELEGRAMS:
-            raise ConfigurationError("encoder telegram", self.telegram, ", ".join(map(str, TELEGRAMS)))
-        if self.telegram == 84 and not self.form.wide:
+        if self.settings.telegram == 84 and not self.form.wide:
             raise ConfigurationError("encoder telegram", 84, "81 to 83 without 64-bit values (wide)")
-        if not (math.isfinite(self.reference_speed) and self.reference_speed > 0.0):
-            raise ConfigurationError("encoder reference_speed", self.reference_speed, "a finite number > 0")
         if self.mounting_offset and not self.form.absolute:
             raise ConfigurationError(
                 "encoder mounting_offset", self.mounting_offset, "0 for an incremental encoder"
             )
-        if not 0 <= self.tolerance <= UNMONITORED:
-            raise ConfigurationError("encoder tolerance", self.tolerance, f"0..{UNMONITORED}")
         if self.factor < 1:
             raise ConfigurationError("encoder factor", self.factor, "1 or more")
 
@@ -120,9 +107,10 @@ class ProfidriveEncoder:
         self._scheduler = scheduler
         self._mounting = mounting
         form = config.form
+        settings = config.settings
         self.encoder: Final = encoder_model(
             form,
-            zero_mark=config.zero_mark,
+            zero_mark=settings.zero_mark,
             reversed_direction=config.reversed_direction,
             mounting_offset=config.mounting_offset,
             rng=rng,
@@ -130,12 +118,12 @@ class ProfidriveEncoder:
         """The model, with the faults that can be brought about there."""
         length_m = form.periods * form.grid_nm * 1e-9
         self._per_coordinate = _TAU / length_m if form.linear else 1.0
-        reference = config.reference_speed
+        reference = settings.reference_speed
         self._full_speed = reference * 1e-3 * self._per_coordinate if form.linear else reference * _TAU / 60.0
         self.interface: Final = EncoderInterface(self.encoder, form, config.abilities)
         """State machine of the words, with the errors that can be brought about there."""
-        self._telegram = telegram(config.telegram)
-        self._signs = SignOfLife(tolerance=config.tolerance, factor=config.factor)
+        self._telegram = telegram(settings.telegram)
+        self._signs = SignOfLife(tolerance=settings.sign_of_life_tolerance, factor=config.factor)
         self.faults: Final = FaultBuffer()
         """Fault situations; the number of a message is the code of the encoder error."""
         self.warnings: Final[set[int]] = set()
@@ -179,7 +167,7 @@ class ProfidriveEncoder:
     @property
     def sign_of_life(self) -> int:
         """The encoder's counter as it is shown: 0 without clock, 1..15 when it is synchronous (PD-126)."""
-        if not self.config.isochronous:
+        if not self.config.settings.sign_of_life:
             return 0
         return self._signs.value if self._frozen_sign is None else self._frozen_sign
 
@@ -213,7 +201,7 @@ class ProfidriveEncoder:
         if self._pending is not None:
             self._take_over(self._pending)
             self._pending = None
-        if self.config.isochronous and self._signs.step(self._stw2 >> SIGN_OF_LIFE_SHIFT):
+        if self.config.settings.sign_of_life and self._signs.step(self._stw2 >> SIGN_OF_LIFE_SHIFT):
             self.interface.report(SIGN_OF_LIFE_FAILED)
         words = self.interface.step(self._g1_stw, self._scheduler.now)
         if self.interface.state is EncoderState.SD3:
@@ -296,7 +284,7 @@ class ProfidriveEncoder:
             zsw2 |= ZSW2_ENC.CONTROL_REQUESTED
         zsw, xist1, xist2 = words
         speed = 0.0 if self.interface.state is EncoderState.SD12 else self.speed
-        number = self.config.telegram
+        number = self.config.settings.telegram
         pack = self._telegram.actual.pack
         if number == 81:
             self._frame = pack(zsw2, zsw, xist1, xist2)

@@ -158,7 +158,7 @@ def test_wide_and_raw_positions_in_a_pdo():
     [
         ({"steps_per_revolution": 360, "revolutions": 16}, 360, 16),
         ({"steps_per_revolution": 360, "kind": EncoderType.SINGLE_TURN}, 360, 1),
-        ({"kind": EncoderType.ABSOLUTE_LINEAR, "measuring_step_nm": 500, "length_m": 0.1}, 500, None),
+        ({"kind": EncoderType.ABSOLUTE_LINEAR, "measuring_step_um": 0.5, "length_mm": 100.0}, 500, None),
     ],
 )
 def test_what_the_device_says_of_itself(config, resolution, turns):
@@ -247,7 +247,7 @@ def test_motion_of_a_slide_is_in_millimetres():
     """A linear encoder shows speed in steps of 0.01 mm/s times 6005h:2 and acceleration in mm/s² times
     6005h:3.
     """
-    bench = EncoderBench(kind=EncoderType.ABSOLUTE_LINEAR, measuring_step_nm=100, length_m=1.0, start=0.1)
+    bench = EncoderBench(kind=EncoderType.ABSOLUTE_LINEAR, measuring_step_um=0.1, length_mm=1000.0, start=0.1)
     bench.put(0x6031, 20, 2)
     bench.encoder.turn_shaft(0.5, 0.5)
     bench.run(0.25)

@@ -161,7 +161,7 @@ def test_overflow_at_the_end_of_the_range():
 # -- kinds ---------------------------------------------------------------------------------------------
 
 ROTARY = {"steps_per_revolution": 1000, "revolutions": 16}
-LINEAR = {"measuring_step_nm": 1000, "length_m": 0.02}
+LINEAR = {"measuring_step_um": 1.0, "length_mm": 20.0}
 # kind: position after 2600 steps, after power-off and on there, after another -700 steps during power-off
 KINDS = {
     EncoderType.SINGLE_TURN: (ROTARY, 600, 600, 900),
@@ -255,7 +255,7 @@ def test_refusals_of_linear_encoders():
 def test_sensors_of_a_multi_sensor_device():
     """Each channel has its own position, preset and offset; 6003h, 6004h and 6509h are those of the first."""
     bench = EncoderBench(
-        kind=EncoderType.MULTI_SENSOR, measuring_step_nm=1000, length_m=1.0, sensor_places_m=(0.0, 0.25)
+        kind=EncoderType.MULTI_SENSOR, measuring_step_um=1.0, length_mm=1000.0, sensor_places_m=(0.0, 0.25)
     )
     bench.count(5000)
     assert [bench.get(0x6020, sub) for sub in (1, 2)] == [5000, 255_000]
@@ -370,14 +370,15 @@ def test_mounting():
         ({"steps_per_revolution": 2}, "steps_per_revolution"),
         ({"revolutions": 70_000}, "revolutions"),
         ({"steps_per_revolution": 1 << 24}, "revolutions.*at most"),
-        ({"kind": EncoderType.ABSOLUTE_LINEAR, "length_m": 3.0, "measuring_step_nm": 1}, "length_m"),
-        ({"kind": EncoderType.ABSOLUTE_LINEAR, "length_m": math.nan}, "length_m"),
+        ({"kind": EncoderType.ABSOLUTE_LINEAR, "length_mm": 3000.0, "measuring_step_um": 0.001}, "length_mm"),
+        ({"kind": EncoderType.ABSOLUTE_LINEAR, "length_mm": math.nan}, "length_mm"),
         ({"kind": EncoderType.MULTI_SENSOR, "sensor_places_m": (0.0,)}, "sensor_places_m"),
-        ({"max_speed": -1.0}, "max_speed"),
+        ({"max_speed_rpm": -1.0}, "max_speed_rpm"),
         ({"zero_mark": 1.0}, "zero_mark"),
         ({"serial_number": -1}, "serial_number"),
         ({"boot_time_s": -1.0}, "boot_time_s"),
-        ({"measuring_step_nm": 0}, "measuring_step_nm"),
+        ({"measuring_step_um": 0.0}, "measuring_step_um"),
+        ({"measuring_step_um": 0.0004}, "measuring_step_um"),
     ],
 )
 def test_configuration_that_cannot_be(options, words):

@@ -128,7 +128,7 @@ def test_slide_beyond_its_scale_is_a_position_error():
     """An absolute linear encoder that leaves its scale raises the alarm by itself, keeps the last position,
     and recovers.
     """
-    bench = EncoderBench(kind=EncoderType.ABSOLUTE_LINEAR, length_m=0.1, start=0.09)
+    bench = EncoderBench(kind=EncoderType.ABSOLUTE_LINEAR, length_mm=100.0, start=0.09)
     bench.encoder.turn_shaft(0.1)
     bench.run(0.2)
     assert bench.get(0x6503) == 1
@@ -160,7 +160,7 @@ def test_warnings(reported):
 @pytest.mark.requirement("C406-040", "C406-043", "C406-008")
 def test_causes_of_warnings():
     """Too fast, too long in operation, reference mark not passed yet: each sets its own bit by itself."""
-    fast = EncoderBench(max_speed=10 * TURN)
+    fast = EncoderBench(max_speed_rpm=600.0)
     fast.encoder.turn_shaft(9 * TURN)
     fast.run(0.1)
     assert fast.get(0x6505) == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 
 import pytest
 from hypothesis import given
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from emulators.encoder import Mounting
 from emulators.encoder.profidrive import EncoderAbilities, EncoderFormat
 from emulators.encoder.profidrive.device import ProfidriveEncoder, ProfidriveEncoderConfig
+from emulators.encoder.profidrive.settings import ProfidriveEncoderSettings
 from emulators.mechanics import DrivenShaft, SwitchModel
 from fieldbus.clock import MS, VirtualScheduler
 from fieldbus.errors import ConfigurationError
@@ -23,21 +25,25 @@ MULTI_TURN = EncoderFormat(periods=4096, revolutions=256, shift_xist1=2, shift_x
 INCREMENTAL = EncoderFormat(periods=1024, interpolation_bits=2, shift_xist1=11)
 SCALE = EncoderFormat(periods=50_000, grid_nm=20_000, interpolation_bits=4, shift_xist1=6)  # 1 m, 1.25 um
 
+SETTINGS = {one.name for one in fields(ProfidriveEncoderSettings)}
+
 
 class Rig:
     """A device on a driven shaft, and a controller that talks to it once per cycle."""
 
     def __init__(self, form=MULTI_TURN, *, place=0.0, probes=(), marks=(), on=True, **config):
+        settings = {"sign_of_life": False}
+        settings |= {key: config.pop(key) for key in SETTINGS & config.keys()}
         self.scheduler = VirtualScheduler()
         self.shaft = DrivenShaft(self.scheduler, position=place)
         self.device = ProfidriveEncoder(
             self.scheduler,
-            ProfidriveEncoderConfig(form=form, **config),
+            ProfidriveEncoderConfig(form=form, settings=ProfidriveEncoderSettings(**settings), **config),
             Mounting(lambda: self.shaft.position),
             probes=probes,
             marks=marks,
         )
-        self.telegram = telegram(self.device.config.telegram)
+        self.telegram = telegram(self.device.config.settings.telegram)
         self.sign = 0
         self.got = {}
         if on:
@@ -189,7 +195,7 @@ def test_sign_of_life():
     """The encoder follows the controller's counter, shows its own, and reports 0F02h when the counter
     stands.
     """
-    rig = Rig(isochronous=True, tolerance=2)
+    rig = Rig(sign_of_life=True, sign_of_life_tolerance=2)
     rig(cycles=40, sign=True)
     before = rig.got["ZSW2_ENC"] >> 12
     rig(sign=True)
@@ -231,7 +237,7 @@ def test_wrong_length():
 @given(st.lists(st.binary(min_size=0, max_size=6) | st.binary(min_size=4, max_size=4), max_size=40))
 def test_any_frames(frames):
     """Whatever comes, a frame of the right length goes out, and parking brings the encoder back."""
-    rig = Rig(isochronous=True)
+    rig = Rig(sign_of_life=True)
     rig.shaft.turn(50.0)
     for frame in frames:
         rig.scheduler.run_for(CYCLE)
@@ -257,7 +263,7 @@ def test_p979_of_the_device():
         ({"telegram": 84, "form": INCREMENTAL}, "wide"),
         ({"reference_speed": 0.0}, "reference_speed"),
         ({"mounting_offset": 5, "form": INCREMENTAL}, "mounting_offset"),
-        ({"tolerance": 70000}, "tolerance"),
+        ({"sign_of_life_tolerance": 70000}, "sign_of_life_tolerance"),
         ({"factor": 0}, "factor"),
         ({"zero_mark": 4096}, "zero_mark"),
         ({"probes": (SwitchModel.unreached(),) * 3}, "probes"),
