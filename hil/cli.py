@@ -602,7 +602,11 @@ def mutants(
     ] = None,
     *,
     area: Annotated[
-        list[str] | None, typer.Option("--area", help="Only defects of this area; may be repeated.")
+        list[str] | None,
+        typer.Option(
+            "--area",
+            help="Only defects of this area, with --mechanical of this package or module; may be repeated.",
+        ),
     ] = None,
     campaign: Annotated[
         list[str] | None,
@@ -629,6 +633,20 @@ def mutants(
             "--limit", metavar="S", min=0.0, help="Wall time of a case; 0: from the time it takes without."
         ),
     ] = 0.0,
+    mechanical: Annotated[
+        int,
+        typer.Option(
+            "--mechanical", metavar="N", help="Draw N defects from the source of motion, emulators, fieldbus."
+        ),
+    ] = 0,
+    cases: Annotated[
+        int,
+        typer.Option(
+            "--cases",
+            metavar="K",
+            help="At most K cases for a defect, of all campaigns in turn; 0: 40 with --mechanical, else all.",
+        ),
+    ] = 0,
     only_list: Annotated[bool, typer.Option("--list", help="Show the defects and run nothing.")] = False,
     resume: ResumeOption = False,
     last_failed: Annotated[
@@ -664,6 +682,8 @@ def mutants(
         last_failed=last_failed,
         only_list=only_list,
         as_json=as_json,
+        mechanical=mechanical,
+        most_cases=cases or (40 if mechanical else 0),
     )
     raise typer.Exit(seed_defects(request))
 

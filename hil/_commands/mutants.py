@@ -18,10 +18,12 @@ from hil.mutants import (
     SeedingOptions,
     Stored,
     as_run,
+    draw,
     find_judges,
     load_catalogue,
     load_stored,
     select_mutants,
+    shares,
     store,
 )
 from hil.mutants._results import TABLE_FILE
@@ -50,6 +52,9 @@ class MutantsRequest:
     last_failed: bool = False
     only_list: bool = False
     as_json: bool = False
+    mechanical: int = 0
+    """So many defects are drawn from the source; 0: those of the catalogue."""
+    most_cases: int = 0
 
 
 class _Progress:
@@ -81,7 +86,7 @@ class _Progress:
 
 def seed_defects(request: MutantsRequest) -> int:
     """Run, report, and return the exit code."""
-    mutants = select_mutants(load_catalogue(request.catalogue), names=request.names, areas=request.areas)
+    mutants = _mutants(request)
     if request.only_list:
         return _show(mutants, as_json=request.as_json)
     with quiet_stdout(request.as_json):
@@ -94,7 +99,11 @@ def seed_defects(request: MutantsRequest) -> int:
             stored.kept(mutants, judges, request.seed, again=request.last_failed) if request.resume else []
         )
         options = SeedingOptions(
-            jobs=request.jobs, seed=request.seed, every_case=request.every_case, limit_s=request.limit_s
+            jobs=request.jobs,
+            seed=request.seed,
+            every_case=request.every_case,
+            limit_s=request.limit_s,
+            most_cases=request.most_cases,
         )
 
         def on_result(result: MutantResult, done: int, total: int) -> None:
@@ -119,6 +128,22 @@ def seed_defects(request: MutantsRequest) -> int:
         print_json([result.as_dict() for result in seeding.results])
     _tell(seeding, request.report)
     return seeding.exit_code
+
+
+def _mutants(request: MutantsRequest) -> list[Mutant]:
+    """Return the defects that the user asked for."""
+    if request.mechanical < 0 or request.most_cases < 0:
+        raise CannotRunError("--mechanical and --cases take a whole number from 0")
+    if not request.mechanical:
+        return select_mutants(load_catalogue(request.catalogue), names=request.names, areas=request.areas)
+    if request.catalogue:
+        raise CannotRunError(
+            "--mechanical draws defects from the source, --catalogue names them: allowed is one"
+        )
+    drawn = draw(request.mechanical, request.seed, request.areas)
+    if not request.names:
+        return drawn
+    return select_mutants({mutant.name: mutant for mutant in drawn}, names=request.names)
 
 
 def write_report(seeding: Seeding, directory: Path) -> None:
@@ -175,5 +200,7 @@ def _tell(seeding: Seeding, report: Path | None) -> None:
         style="dim",
         markup=False,
     )
+    for row in shares(seeding):
+        out.print(row.line, markup=False)
     if report is not None:
         out.print(f"report: {report / PAGE_FILE}, table: {report / TABLE_FILE}", markup=False)

@@ -3,22 +3,34 @@ caught by campaigns.
 
 A defect is data (`Mutant`): a place in the product, the present text and the text that replaces it. `Seeder`
 runs the campaigns without any defect first, and then each defect in a process of its own until a case is red.
-A defect that no case notices points at a missing expectation.
+A defect that no case notices points at a missing expectation. `draw` takes defects from the source by a
+program.
 """
 
 from __future__ import annotations
 
 from hil.mutants._catalogue import CATALOGUE, load_catalogue, select_mutants
-from hil.mutants._mutant import AREAS, Edit, Mutant, defect
+from hil.mutants._mechanical import draw
+from hil.mutants._mutant import AREAS, PACKAGES, Edit, Mutant, defect
 from hil.mutants._patch import TargetChangedError, seeded, watched
 from hil.mutants._plan import Judge, find_judges, hinted, in_order
-from hil.mutants._results import Stored, as_run, catalogue_table, load_stored, markdown, store
+from hil.mutants._results import (
+    Share,
+    Stored,
+    as_run,
+    catalogue_table,
+    load_stored,
+    markdown,
+    shares,
+    store,
+)
 from hil.mutants._seeding import MutantResult, Seeder, Seeding, SeedingOptions
 from hil.mutants._worker import Outcome
 
 __all__ = [
     "AREAS",
     "CATALOGUE",
+    "PACKAGES",
     "Edit",
     "Judge",
     "Mutant",
@@ -27,11 +39,13 @@ __all__ = [
     "Seeder",
     "Seeding",
     "SeedingOptions",
+    "Share",
     "Stored",
     "TargetChangedError",
     "as_run",
     "catalogue_table",
     "defect",
+    "draw",
     "find_judges",
     "hinted",
     "in_order",
@@ -40,6 +54,7 @@ __all__ = [
     "markdown",
     "seeded",
     "select_mutants",
+    "shares",
     "store",
     "watched",
 ]

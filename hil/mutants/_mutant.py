@@ -10,6 +10,8 @@ from fieldbus.errors import ConfigurationError
 AREAS: Final = ("cia402", "profidrive", "axis", "machine", "bus")
 """Where a defect can be: the CiA 402 drive, the PROFIdrive drive with its telegrams, the axis of the
 controller, encoders and mechanics, bus and network."""
+PACKAGES: Final = ("motion", "emulators", "fieldbus")
+"""Areas of defects that a program draws: the packages of controller, devices and buses."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class Mutant:
 
     name: str
     area: str
-    """One of `AREAS`."""
+    """One of `AREAS`, or of `PACKAGES`."""
     title: str
     """The defect in words."""
     edits: tuple[Edit, ...]
@@ -46,10 +48,13 @@ class Mutant:
     """
     explained: str = ""
     """Why no case can notice it; empty: one has to."""
+    operator: str = ""
+    """What the program did that drew it, see `OPERATORS`; empty: a person made it."""
 
     def __post_init__(self) -> None:
-        if self.area not in AREAS:
-            raise ConfigurationError(f"mutant {self.name}.area", self.area, f"one of {', '.join(AREAS)}")
+        known = (*AREAS, *PACKAGES)
+        if self.area not in known:
+            raise ConfigurationError(f"mutant {self.name}.area", self.area, f"one of {', '.join(known)}")
         if not self.edits:
             raise ConfigurationError(f"mutant {self.name}.edits", "none", "at least one change")
         for edit in self.edits:

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from itertools import zip_longest
 
 from hil.campaign import SHIPPED, Found, find_campaigns, load_bench_file
 from hil.errors import CannotRunError
@@ -107,6 +108,23 @@ def in_order(
     return first + sorted(
         (judge for judge in able if judge not in taken), key=lambda one: seconds.get(one, 0.0)
     )
+
+
+def spread(judges: Sequence[Judge], most: int) -> list[Judge]:
+    """Return at most so many cases, of as many campaigns and benches in turn as there are; 0: all.
+
+    Args:
+        judges: The cases, the best first.
+        most: How many.
+
+    """
+    if not most or len(judges) <= most:
+        return list(judges)
+    groups: dict[tuple[str, str], list[Judge]] = {}
+    for judge in judges:
+        groups.setdefault((judge.identifier.rpartition("/")[0], judge.bench), []).append(judge)
+    turns = zip_longest(*groups.values())
+    return [judge for turn in turns for judge in turn if judge is not None][:most]
 
 
 def closest(name: str, known: Iterable[str]) -> str:

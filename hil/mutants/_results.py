@@ -32,6 +32,7 @@ def markdown(seeding: Seeding) -> str:
             f"{caught} of {total} caught in {seeding.seconds:.0f} s, baseline ({len(seeding.baseline)} cases) "  # noqa: E501
             f"included."
         ),
+        *(f"* {row.line}" for row in shares(seeding)),
         "",
         "| defect | area | what is wrong | status | noticed by | how | s |",
         "|---|---|---|---|---|---|---|",
@@ -60,6 +61,48 @@ def catalogue_table(mutants: Iterable[Mutant], area: str) -> list[str]:
                 f"| `{mutant.name}` | {_cell(mutant.title)} | {where} | {', '.join(mutant.requirements)} |"
             )
     return lines
+
+
+@dataclass(frozen=True)
+class Share:
+    """How many of some drawn defects were noticed."""
+
+    what: str
+    """`all`, `area motion`, `operator border`."""
+    noticed: int
+    judged: int
+    """Without those that no case can notice."""
+    named: int
+    """Noticed ones where the failed check names a requirement."""
+
+    @property
+    def line(self) -> str:
+        """The share as a line of text."""
+        percent = 100.0 * self.noticed / self.judged if self.judged else 100.0
+        named = f"; {self.named} by a check that names a requirement" if self.noticed else ""
+        return f"{self.what:22} {self.noticed:4} of {self.judged:4} noticed  {percent:5.1f} %{named}"
+
+
+def shares(seeding: Seeding) -> list[Share]:
+    """Return the shares of drawn defects that were noticed, all in all and by area and operator; a catalogue
+    made by people has none.
+    """
+    drawn = [result for result in seeding.results if result.mutant.operator]
+    if not drawn:
+        return []
+    groups: dict[str, list[MutantResult]] = {"all": drawn}
+    for result in sorted(drawn, key=lambda one: one.mutant.area):
+        groups.setdefault(f"area {result.mutant.area}", []).append(result)
+    for result in sorted(drawn, key=lambda one: one.mutant.operator):
+        groups.setdefault(f"operator {result.mutant.operator}", []).append(result)
+    return [_share(what, results) for what, results in groups.items()]
+
+
+def _share(what: str, results: Sequence[MutantResult]) -> Share:
+    entries = [result.as_dict() for result in results]
+    judged = [entry for entry in entries if entry["status"] not in {"explained", "error"}]
+    noticed = [entry for entry in judged if entry["status"] == "caught"]
+    return Share(what, len(noticed), len(judged), sum(bool(entry["broken"]) for entry in noticed))
 
 
 _VERDICT: Final = {
@@ -128,7 +171,7 @@ def _message(result: MutantResult, cases: int) -> str:
 JSON_FILE: Final = "mutants.json"
 TABLE_FILE: Final = "mutants.md"
 _GOOD: Final = frozenset({"caught", "explained"})
-_NEEDED: Final = frozenset({"changes", "status", "caught_by", "how", "message", "seconds"})
+_NEEDED: Final = frozenset({"changes", "status", "caught_by", "how", "message", "seconds", "broken"})
 
 
 def store(seeding: Seeding, directory: Path) -> None:

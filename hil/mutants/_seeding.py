@@ -12,7 +12,7 @@ from hil._workers import CopyStarter, Pool, number_of_processes
 from hil.errors import CannotRunError
 from hil.mutants._mutant import Mutant
 from hil.mutants._patch import Patch, TargetChangedError, defect_patch, watching_patch
-from hil.mutants._plan import Judge, hinted, in_order, modules_of
+from hil.mutants._plan import Judge, hinted, in_order, modules_of, spread
 from hil.mutants._worker import Finished, Outcome, Task, run_tasks
 
 BASELINE_LIMIT_S: Final = 300.0
@@ -39,6 +39,8 @@ class SeedingOptions:
     """Run every case that can notice a defect, not only until the first that does."""
     limit_s: float = 0.0
     """Limit of wall time of a case, s; 0: from the time that it takes without a defect."""
+    most_cases: int = 0
+    """So many of the cases that come to the changed statement are tried, of all campaigns in turn; 0: all."""
 
 
 def changes_of(mutant: Mutant) -> list[dict[str, str]]:
@@ -66,9 +68,9 @@ class MutantResult:
     def caught_by(self) -> list[Outcome]:
         """Outcomes of the cases that were red."""
         if self.earlier is not None:
-            how, message = self.earlier["how"], self.earlier["message"]
+            how, message, broken = (self.earlier[key] for key in ("how", "message", "broken"))
             judges = (Judge(name, "", "") for name in self.earlier["caught_by"])
-            return [Outcome(judge, how, message, 0.0, frozenset()) for judge in judges]
+            return [Outcome(judge, how, message, 0.0, frozenset(), tuple(broken)) for judge in judges]
         return [outcome for outcome in self.outcomes if outcome.catches]
 
     @property
@@ -124,6 +126,8 @@ class MutantResult:
             "cases_run": len(self.outcomes),
             "cases_reaching_it": self.able,
             "explained": self.mutant.explained,
+            "operator": self.mutant.operator,
+            "broken": [] if first is None else list(first.requirements),
         }
 
 
@@ -324,6 +328,7 @@ class Seeder:
             order = in_order(mutant, green, reached, seconds)
             result = self._done.setdefault(mutant.name, MutantResult(mutant))
             result.able = len(order)
+            order = spread(order, self._options.most_cases)
             tried = {outcome.judge for outcome in result.outcomes}
             order = [
                 judge

@@ -17,7 +17,7 @@ from hil.campaign._worker import bench_of
 from hil.mutants._mutant import Mutant
 from hil.mutants._patch import Patch
 from hil.mutants._plan import Judge
-from reports.model import Verdict
+from reports.model import CaseResult, Verdict
 
 START_LIMIT_S: Final = 120.0
 """Wall time within which a process has to be ready for its first case, s."""
@@ -38,6 +38,8 @@ class Outcome:
     seconds: float
     reached: frozenset[str]
     """Names of the mutants whose changed statement was reached."""
+    requirements: tuple[str, ...] = ()
+    """Identifiers that the failed checks name; none: it was noticed by accident."""
 
     @property
     def catches(self) -> bool:
@@ -112,7 +114,17 @@ def _judge(task: Task, judge: Judge, limit_s: float, reached: set[str]) -> Outco
         message=result.message,
         seconds=time.perf_counter() - started,
         reached=frozenset(reached),
+        requirements=_broken(result),
     )
+
+
+def _broken(result: CaseResult) -> tuple[str, ...]:
+    """Return the requirements of the checks that failed; those of the case where a check names none."""
+    failed = [check for check in result.checks if check.verdict is Verdict.FAILED]
+    named = dict.fromkeys(one for check in failed for one in check.requirements)
+    if failed and not named and not all(check.rule for check in failed):
+        named = dict.fromkeys(result.requirements)
+    return tuple(named)
 
 
 @dataclass

@@ -1,0 +1,131 @@
+"""Defects that a program draws: what the operators change, and that the draw is fair and repeatable."""
+
+import ast
+import random
+import textwrap
+
+import pytest
+
+from hil.errors import CannotRunError
+from hil.mutants import Judge, Mutant, MutantResult, Outcome, Seeding, draw, seeded, shares
+from hil.mutants._operators import OPERATORS, replacements
+from hil.mutants._plan import spread
+
+SOURCE = '''
+def step(self, limit: float = 2.0) -> None:
+    """Not this 1 < 2."""
+    if self.speed < limit and not self.held:
+        self.ramp(self.speed, -limit)
+    elif limit >= 0.5 * self.speed + 3:
+        raise ValueError(f"{limit + 1}")
+    self.count += 1
+    self.peak = max(self.peak, self.speed)
+    self.done = False
+'''
+CHANGED = {
+    ("border", "<="),
+    ("border", ">"),
+    ("relation", ">"),
+    ("relation", "<="),
+    ("logic", "or"),
+    ("logic", "(self.held)"),
+    ("call", "pass"),
+    ("arguments", "-limit, self.speed"),
+    ("sign", "limit"),
+    ("sign", "-"),
+    ("sign", "-="),
+    ("arithmetic", "/"),
+    ("constant", "0.55"),
+    ("constant", "4"),
+    ("constant", "2"),
+    ("constant", "True"),
+    ("assignment", "pass"),
+    ("extreme", "min"),
+    ("return", "return\n    "),
+}
+
+
+def mutated(source, change):
+    """Return the source with a change."""
+    lines = source.splitlines(keepends=True)
+    (first, left), (last, right) = change.start, change.end
+    lines[first - 1 : last] = [lines[first - 1][:left] + change.text + lines[last - 1][right:]]
+    return "".join(lines)
+
+
+def test_operators_change_what_a_machine_does_and_nothing_else():
+    """Every operator finds its places; texts, messages, annotations and defaults stay; each result is
+    another program.
+    """
+    (function,) = ast.parse(SOURCE).body
+    found = list(replacements(function, SOURCE.splitlines()))
+    assert {(change.operator, change.text) for change in found} == CHANGED
+    assert {change.operator for change in found} == OPERATORS.keys()
+    programs = {ast.dump(ast.parse(mutated(SOURCE, change))) for change in found}
+    assert len(programs) == len(found)
+    assert ast.dump(ast.parse(SOURCE)) not in programs
+
+
+def test_places_are_found_behind_wide_characters():
+    """Columns count characters, not bytes."""
+    source = textwrap.dedent("""\
+        def step(text):
+            return (text, "\u00b5\u00b0", 1 + 2)
+    """)
+    (function,) = ast.parse(source).body
+    results = {mutated(source, one) for one in replacements(function, source.splitlines())}
+    assert source.replace("1 + 2", "1 - 2") in results
+
+
+def test_the_draw_is_repeatable_and_covers_all_packages():
+    """The same seed draws the same, another seed others; packages by their size; every defect can be
+    switched on.
+    """
+    first, again, other = draw(30, 1), draw(30, 1), draw(30, 2)
+    assert first == again
+    assert len({mutant.name for mutant in first}) == 30
+    assert {one.name for one in first}.isdisjoint({one.name for one in other})
+    assert {mutant.area for mutant in first} == {"motion", "emulators", "fieldbus"}
+    for mutant in random.Random(1).sample(first, 5):
+        with seeded(mutant, set()):
+            pass
+    inside = draw(5, 1, ["emulators.encoder"])
+    assert all(mutant.name.startswith("emulators.encoder.") for mutant in inside)
+
+
+@pytest.mark.parametrize(
+    ("number", "areas", "words"),
+    [
+        (5, ["axis"], "--area 'axis' is not allowed with --mechanical; allowed: motion, emulators, fieldbus"),
+        (5, ["motion.none"], "--area 'motion.none': there is no such module"),
+        (10**6, [], "--mechanical 1000000: there are only"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(number, areas, words):
+    """The message says what is allowed."""
+    with pytest.raises(CannotRunError) as caught:
+        draw(number, 1, areas)
+    assert str(caught.value).startswith(words)
+
+
+def test_a_limited_number_of_cases_is_taken_from_all_campaigns_in_turn():
+    """The first of each family before the second of any."""
+    judges = [Judge(f"{family}/{number}", "", "") for family in "abc" for number in range(4)]
+    assert [one.identifier for one in spread(judges, 4)] == ["a/0", "b/0", "c/0", "a/1"]
+    assert spread(judges, 0) == judges
+
+
+def test_shares_count_what_a_named_requirement_noticed():
+    """Equivalent defects are not counted; a catch without a requirement is an accident."""
+    first, second, third = draw(3, 1, ["motion"])
+    judge = Judge("limits/a", "", "")
+    found = frozenset({"x"})
+    results = [
+        MutantResult(first, [Outcome(judge, "failed", "", 0.1, found, ("LIM-001",))], able=1, over=True),
+        MutantResult(second, [Outcome(judge, "error", "", 0.1, found)], able=1, over=True),
+        MutantResult(third, [Outcome(judge, "passed", "", 0.1, found)], able=1, over=True),
+    ]
+    same = Mutant("e", "motion", "", third.edits, explained="equal", operator="border")
+    results.append(MutantResult(same, [Outcome(judge, "passed", "", 0.1, found)], able=1, over=True))
+    row = shares(Seeding(results))[0]
+    assert (row.what, row.noticed, row.judged, row.named) == ("all", 2, 3, 1)
