@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Self
+from typing import Final, Self
+
+_FEW_KEYS: Final = 12
+"""Keys of a table up to which all of them are listed in addition to the one that was meant."""
 
 
 class HilError(Exception):
@@ -36,6 +39,51 @@ class ConfigurationError(HilError):
         error = type(self).__new__(type(self), f"{place}: {self}")
         error.__dict__.update(self.__dict__)
         return error
+
+
+class CombinedConfigurationError(ConfigurationError):
+    """Several values given by the user cannot be used; the message has a line for each.
+
+    Args:
+        errors: What is wrong with each of them.
+
+    """
+
+    def __init__(self, errors: Sequence[ConfigurationError]) -> None:
+        super(ConfigurationError, self).__init__("\n".join(map(str, errors)))
+        self._errors = tuple(errors)
+        self.where = errors[0].where
+        self.value = errors[0].value
+        self.allowed = errors[0].allowed
+
+    def within(self, place: str) -> Self:
+        """Return the same errors with a place in front of each message."""
+        return type(self)([error.within(place) for error in self._errors])
+
+
+class ErrorCollector:
+    """Keeps the configuration errors of independent parts, so that the user sees all of them at once."""
+
+    def __init__(self) -> None:
+        self._errors: list[ConfigurationError] = []
+
+    @contextmanager
+    def located(self, place: str) -> Iterator[None]:
+        """Keep the `ConfigurationError` that ends the block, with a place in front of its message."""
+        try:
+            yield
+        except ConfigurationError as error:
+            self._errors.append(error.within(place))
+
+    def check(self) -> None:
+        """Raise what was kept, if anything.
+
+        Raises:
+            ConfigurationError: At least one part cannot be configured.
+
+        """
+        if self._errors:
+            raise self._errors[0] if len(self._errors) == 1 else CombinedConfigurationError(self._errors)
 
 
 class UnknownNameError(ConfigurationError):
@@ -75,6 +123,23 @@ class UnknownNameError(ConfigurationError):
         self.allowed = text
 
 
+class UnknownKeyError(ConfigurationError):
+    """A table given by the user has a key that it cannot have.
+
+    Args:
+        where: File and key path.
+        key: The key as given.
+        known: All keys of the table.
+
+    """
+
+    def __init__(self, where: str, key: str, known: Iterable[str]) -> None:
+        self.allowed = unknown_key(key, known)
+        super(ConfigurationError, self).__init__(f"{where}: {self.allowed}")
+        self.where = where
+        self.value = key
+
+
 class MissingValueError(ConfigurationError):
     """A value that the user has to give is missing.
 
@@ -98,6 +163,18 @@ def similar_names(name: str, known: Iterable[str], most: int = 3) -> str:
         by_lower.setdefault(one.lower(), []).append(one)
     near = difflib.get_close_matches(name.lower(), by_lower, n=most)
     return f"similar: {', '.join(one for key in near for one in by_lower[key])}" if near else ""
+
+
+def unknown_key(key: str, known: Iterable[str]) -> str:
+    """Return what a message says of a key that a table cannot have: the nearest one, and all if they are
+    few.
+    """
+    names = list(known)
+    every = f"allowed: {', '.join(names)}"
+    near = difflib.get_close_matches(key, names, n=1)
+    if not near:
+        return f"unknown key; {every}"
+    return f"unknown key; did you mean {near[0]}?" + (f" {every}" if len(names) <= _FEW_KEYS else "")
 
 
 class UnknownAttributeError(AttributeError):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Final, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from fieldbus.errors import ConfigurationError
+from fieldbus.toml_text import parsed_toml
 
 SHIPPED: Final = ("sinamics_g120", "sinamics_g220", "festo")
 
@@ -105,10 +105,7 @@ def _shipped(name: str) -> MapFile:
 
 def _parsed(where: str, text: str) -> MapFile:
     try:
-        loaded: dict[str, object] = tomllib.loads(text)
-        found = MapFile.model_validate(loaded)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(where, str(error), "TOML") from None
+        found = MapFile.model_validate(parsed_toml(where, text))
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])

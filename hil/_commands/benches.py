@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from fieldbus.errors import UnknownNameError
 from hil._commands.terminal import print_json
 from hil.bench import EMBEDDED
-from hil.bench.config import parse, read
+from hil.bench.bench_file import parse, read
 from hil.errors import CannotRunError
 
 

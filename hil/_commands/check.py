@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from fieldbus.errors import UnknownNameError, located
+from fieldbus.errors import UnknownNameError
 from hil._commands.terminal import console, print_json, quiet_stdout
 from hil.campaign import load_bench_file
 
@@ -66,6 +66,8 @@ def check_bench(reference: str, *, build: bool, as_json: bool, ignored: Sequence
 
 
 def _findings(config: BenchConfig | None, source: str, ignored: Sequence[str]) -> list[Finding]:
+    from hil.bench import BenchFileError
+    from hil.bench._agreement import contents
     from hil.bench.rules import RULES, findings
 
     names = [rule.name for rule in RULES]
@@ -74,8 +76,9 @@ def _findings(config: BenchConfig | None, source: str, ignored: Sequence[str]) -
             raise UnknownNameError("--ignore", name, "a rule", names)
     if config is None:
         return []  # an object of the user's own has no tables
-    with located(source):
-        return [one for one in findings(config) if one.rule.name not in ignored]
+    if mistakes := contents(config):
+        raise BenchFileError(source, "\n".join(f"{source}: {text}" for text in mistakes))
+    return [one for one in findings(config) if one.rule.name not in ignored]
 
 
 def _parts(bench: Any, *, as_json: bool) -> dict[str, Any]:

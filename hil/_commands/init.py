@@ -11,7 +11,7 @@ from typing import Final
 
 from fieldbus.errors import ConfigurationError, UnknownNameError
 from hil._commands.terminal import console
-from hil.bench.config import parse
+from hil.bench.bench_file import parse
 from hil.errors import CannotRunError
 
 BENCH: Final = "bench.toml"

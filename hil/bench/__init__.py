@@ -11,7 +11,8 @@ import tomli_w
 
 from fieldbus.errors import located
 from hil._built import announce
-from hil.bench.config import EMBEDDED, BenchConfig, BenchFileError, digest, parse, read
+from hil.bench.bench_file import EMBEDDED, BenchFileError, digest, parse, read
+from hil.bench.config import BenchConfig
 
 if TYPE_CHECKING:
     from hil.bench.bench import Bench

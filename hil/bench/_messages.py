@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, get_args, get_origin
 
+from fieldbus.errors import unknown_key
 from hil.bench._models import (
     CHOOSING,
     alternatives,
@@ -49,8 +50,6 @@ _SMALLEST: Final = {
     "segment": ("[segment.NAME]", "[segment.can0]"),
 }
 """Tables that every bench file has: what the message calls them, and the smallest example."""
-_FEW: Final = 12
-"""Keys of a table up to which all of them are listed in addition to the one that was meant."""
 
 
 class Place(NamedTuple):
@@ -64,7 +63,7 @@ class Place(NamedTuple):
     """Models of the same table under another profile, kind or type."""
 
 
-def messages(root: type[BaseModel], source: str, error: ValidationError) -> str:
+def messages(root: type[BaseModel], source: str, error: ValidationError) -> list[str]:
     """Return a line for every mistake.
 
     Args:
@@ -76,11 +75,11 @@ def messages(root: type[BaseModel], source: str, error: ValidationError) -> str:
     # An unknown table often is why others are incomplete.
     problems = sorted(error.errors(), key=lambda problem: problem["type"] not in _UNKNOWN)
     meant = {_meant(root, problem) for problem in problems if problem["type"] in _UNKNOWN}
-    return "\n".join(
+    return [
         _line(root, source, problem)
         for problem in problems
         if problem["type"] not in _MISSING or problem["loc"] not in meant
-    )
+    ]
 
 
 def _meant(root: type[BaseModel], problem: ErrorDetails) -> tuple[int | str, ...]:
@@ -148,12 +147,7 @@ def _unknown(place: Place, key: str) -> str:
     having = dict.fromkeys(_label(one) for one in place.others if key in keys_of(one))
     if having and place.table is not None:
         return f"{_label(place.table)} has none; it is a key of {', '.join(having)}"
-    allowed = keys_of(place.table)
-    near = _nearest(place, key)
-    if not near:
-        return f"unknown key; allowed: {', '.join(allowed)}"
-    more = f" allowed: {', '.join(allowed)}" if len(allowed) <= _FEW else ""
-    return f"unknown key; did you mean {near}?{more}"
+    return unknown_key(key, keys_of(place.table))
 
 
 def _nearest(place: Place, key: str) -> str:

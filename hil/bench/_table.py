@@ -18,6 +18,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from fieldbus.errors import ConfigurationError
+from fieldbus.toml_text import number_hint
 from hil.bench._models import hints_of, settings_of
 
 _SCALARS: Final[Mapping[type, str]] = {
@@ -87,6 +88,8 @@ def _of_another_type(hint: Any, value: Any, path: tuple[str | int, ...]) -> Iter
     numbers = {int, float}
     if kinds and given in _SCALARS and given not in kinds and not (given in numbers and kinds & numbers):
         allowed = " or ".join(sorted({_SCALARS[one] for one in kinds}))
+        if kinds & numbers:
+            allowed += number_hint(value)
         error = PydanticCustomError("another_type", "allowed: {allowed}", {"allowed": allowed})
         yield InitErrorDetails(type=error, loc=path, input=value)
 

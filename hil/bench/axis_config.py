@@ -14,6 +14,7 @@ from pydantic import (
     model_validator,
 )
 
+from fieldbus.toml_text import number_hint
 from hil.bench._table import Table, sentence
 from motion.s7.variables import elements, refused_values, variables_of
 
@@ -33,7 +34,8 @@ def second_of(drive: str) -> str:
 def _start_value(value: object) -> object:
     """Return a start value as it is; a text is refused, whatever it says."""
     if not isinstance(value, bool | int | float):
-        raise ValueError("allowed: a number, true or false")  # noqa: TRY004 - it becomes a message about the file
+        text = f"allowed: a number, true or false{number_hint(value)}"
+        raise ValueError(text)  # noqa: TRY004 - it becomes a message about the file
     return value
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.clock import MS, S
-from fieldbus.errors import located
+from fieldbus.errors import ErrorCollector
 from hil.bench.axis_config import AxisTable, ExternalEncoderTable, second_of
 from hil.bench.controller_buses import ControllerBuses
 from hil.bench.drive_ports import DrivePorts
@@ -80,12 +80,14 @@ class ControlSystem:
             self._connect_stations(segments, stations)
         if config.encoder:
             self._connect_encoders(segments)
+        errors = ErrorCollector()
         for name, section in config.axis.items():
-            with located(f"axis.{name}"):
+            with errors.located(f"axis.{name}"):
                 self._add_axis(name, section)
         for name, external in config.external_encoder.items():
-            with located(f"external_encoder.{name}"):
+            with errors.located(f"external_encoder.{name}"):
                 self._add_external_encoder(name, external)
+        errors.check()
         for link in self.links.values():
             runtime.after_cycle.append(link.exchange)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 from numpy.random import Generator, SeedSequence, default_rng
 
 from fieldbus.clock import MS
-from fieldbus.errors import located
+from fieldbus.errors import ErrorCollector
 from hil.bench._site import DeviceSite
 from hil.bench.drive_config import ProfidriveCanTable, ProfidriveModbusTable
 
@@ -128,18 +128,20 @@ class DeviceBuilder:
             attach: Puts a device on Modbus on its bus; gets the names of segment and device, and the device.
 
         """
-        config, devices = self._config, EmulatedDevices()
+        config, devices, errors = self._config, EmulatedDevices(), ErrorCollector()
         for name, section in config.drive.items():
             if section.device == "emulated":
-                with located(f"drive.{name}"):
+                with errors.located(f"drive.{name}"):
                     self._build_drive(devices, name, segments, attach)
+        errors.check()  # what follows needs the drives
         for name in config.station:
-            with located(f"station.{name}"):
+            with errors.located(f"station.{name}"):
                 self._build_station(devices, name, segments, attach)
-        self._build_encoders(devices, segments)
+        self._build_encoders(devices, segments, errors)
         for name, device in config.device.items():
-            with located(f"device.{name}"):
+            with errors.located(f"device.{name}"):
                 devices.devices[name] = device.build(self._site(name, segments))
+        errors.check()
         return devices
 
     def _build_drive(
@@ -175,14 +177,16 @@ class DeviceBuilder:
         devices.stations[name] = wired.station
         self._record(name, wired.station)
 
-    def _build_encoders(self, devices: EmulatedDevices, segments: Mapping[str, CanSegment]) -> None:
+    def _build_encoders(
+        self, devices: EmulatedDevices, segments: Mapping[str, CanSegment], errors: ErrorCollector
+    ) -> None:
         for name in self._config.emulated_encoders:
             section = self._config.encoder[name]
-            with located(f"encoder.{name}"):
+            with errors.located(f"encoder.{name}"):
                 encoder = devices.encoders[name] = section.build(
                     self._site(name, segments), devices.drives, self._config.lead_mm(section)
                 )
-            self._record(name, encoder)
+                self._record(name, encoder)
 
     def _site(self, name: str, segments: Mapping[str, CanSegment]) -> DeviceSite:
         return DeviceSite(

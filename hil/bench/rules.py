@@ -18,18 +18,16 @@ from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.errors import located
 from hil.bench._models import keys_of
-from hil.bench.axis_config import OBJECTS
 from hil.bench.config import SWITCH_LEVELS
 from hil.bench.drive_config import (
     WITH_RAMPS,
     WITH_SWITCHES,
+    ProfidriveModbusTable,
 )
 from hil.expect.golden import drive_ramp, stop_ramp, switch_clearance
 from motion.s7.axis.assembly import mechanics_of
-from motion.s7.axis.configuration import given_values, setpoint_range
-from motion.s7.axis.ramp_times import RampTimes
+from motion.s7.axis.configuration import setpoint_range
 from motion.s7.units import LENGTHS
-from motion.s7.variables import VariableStore
 
 if TYPE_CHECKING:
     from emulators.drive.machine import LinearAxisConfig, SwitchesConfig
@@ -65,14 +63,13 @@ class AxisFacts:
         self.drive_name = self.table.drive
         self.drive: DriveTable = config.drive[self.table.drive]
         self.cycle_s = config.bench.cycle_ms / 1000.0
-        self.given = config.start_values(name)
-        """Start values that are not the default ones."""
+        station = config.inputs_of_axis(name)
+        self.wires = None if station is None else config.station[station].digital_inputs
+        """Wires of the digital inputs of its station; None: its switches count at the drive."""
         self.from_drive = (config.encoders_of_axis(name) or (self.drive_name,))[0] == self.drive_name
         """Whether the first encoder of the axis is that of the drive."""
         with located(f"axis.{name}"):
-            values = given_values(self.given)
-            self.store = VariableStore(OBJECTS[self.table.type], values, name=name)
-            RampTimes(self.store, self.table.ramp_times, values)
+            self.store = config.variables_of(name)
 
     def read(self, path: str) -> Any:
         """Return the start value of a variable in the units of the user."""
@@ -123,6 +120,26 @@ class AxisFacts:
     def watches_switches(self) -> bool:
         """Whether the hardware limit switches count from the start on."""
         return self.positions and bool(self.read("PositionLimits_HW.Active"))
+
+    @property
+    def wired_switches(self) -> Iterator[tuple[str, float]]:
+        """Sides and places of the limit switches that the axis can read, mm: those at the inputs of its
+        station, or those of the table `switches` of its drive.
+        """
+        switches, drive = self.switches, self.drive
+        if switches is None or (
+            isinstance(drive, ProfidriveModbusTable) and drive.registers().inputs is None
+        ):
+            return
+        places = (switches.negative_limit_mm, switches.positive_limit_mm)
+        for side, place in zip(_SIDES, places, strict=True):
+            wired = (
+                "switches" in drive.model_fields_set
+                if self.wires is None
+                else f"{self.drive_name}.{side}_limit" in self.wires
+            )
+            if wired and place is not None:
+                yield side, place
 
     @property
     def velocity(self) -> float:
@@ -253,6 +270,23 @@ def _switch_level(axis: AxisFacts) -> Iterator[str]:
                 f"{path} = {_bool(not actuated)}, but the limit switches of {axis.drive_name} are normally "
                 f"{contact} and {_bool(actuated)} when they are reached"
             )
+
+
+@_rule(
+    "switch-supervision",
+    compares="limit switches that are wired (table `switches` of the drive, digital inputs of a station) and "
+    "`PositionLimits_HW.Active`; with `false` in the bench file it is meant so",
+    otherwise="the axis does not stop at a limit switch",
+    keys=(_variable("PositionLimits_HW.Active"),),
+)
+def _switch_supervision(axis: AxisFacts) -> Iterator[str]:
+    if not axis.positions or "PositionLimits_HW.Active" in axis.table.variables:
+        return
+    if places := [f"{side} at {place:g} mm" for side, place in axis.wired_switches]:
+        yield (
+            f"{axis.drive_name} has limit switches ({', '.join(places)}), and PositionLimits_HW.Active is "
+            "FALSE, its default"
+        )
 
 
 @_rule(

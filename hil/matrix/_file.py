@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
-import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Final
 
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import ConfigurationError, UnknownKeyError, UnknownNameError
+from fieldbus.toml_text import toml_content
 from hil.campaign._case import SIMULATED_LIMIT_S, WALL_LIMIT_S, slug
 from hil.campaign._shipped import VOCABULARY
 from hil.errors import CannotRunError
@@ -90,17 +89,8 @@ def read_matrix(path: Path) -> MatrixFile:
         CannotRunError: Its vocabulary cannot be imported.
 
     """
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigurationError(str(path), "this file", f"TOML ({error})") from error
+    content = toml_content(path)
     return _Reader(path).read(content)
-
-
-def _close(word: str, allowed: Iterable[str]) -> str:
-    names = list(allowed)
-    near = difflib.get_close_matches(word, names, n=1)
-    return f"{', '.join(names)}" + (f"; nearest is {near[0]!r}" if near else "")
 
 
 class _Reader:
@@ -137,10 +127,13 @@ class _Reader:
     def _wrong(self, key: str, value: object, allowed: str) -> ConfigurationError:
         return ConfigurationError(f"{self._path}: {key}", value, allowed)
 
+    def _unknown(self, key: str, value: object, what: str, known: Sequence[str]) -> UnknownNameError:
+        return UnknownNameError(f"{self._path}: {key}", value, what, known)
+
     def _only(self, key: str, table: Mapping[str, object], allowed: Sequence[str]) -> None:
         for name in table:
             if name not in allowed:
-                raise self._wrong(f"{key}.{name}".lstrip("."), table[name], f"only {_close(name, allowed)}")
+                raise UnknownKeyError(f"{self._path}: {f'{key}.{name}'.lstrip('.')}", name, allowed)
 
     def _tables(self, key: str, value: object) -> list[tuple[str, Mapping[str, object]]]:
         if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value):
@@ -192,7 +185,7 @@ class _Reader:
             elif name in vocabulary.factors:
                 factors[name] = self._values(key, words, vocabulary.factors[name])
             else:
-                raise self._wrong(key, words, f"only {_close(name, [BENCH, *vocabulary.factors])}")
+                raise UnknownKeyError(f"{self._path}: {key}", name, [BENCH, *vocabulary.factors])
             if not factors[name]:
                 raise self._wrong(key, words, "at least one value")
             if len(set(factors[name])) < len(factors[name]):
@@ -230,7 +223,7 @@ class _Reader:
             elif text in allowed:
                 found.append(text)
             else:
-                raise self._wrong(place, text, _close(text, allowed))
+                raise self._unknown(place, text, f"a value of {key.rpartition('.')[2]}", [*allowed])
         return tuple(found)
 
     def _bench(self, text: str) -> str:
@@ -297,7 +290,8 @@ class _Reader:
                 if factor == BENCH:
                     values[factor] = self._bench(str(text))
                 elif not isinstance(text, str) or text not in vocabulary.factors[factor]:
-                    raise self._wrong(f"{key}.{factor}", text, _close(str(text), vocabulary.factors[factor]))
+                    known = [*vocabulary.factors[factor]]
+                    raise self._unknown(f"{key}.{factor}", text, f"a value of {factor}", known)
                 else:
                     values[factor] = text
             found[slug(name)] = NamedCase(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hil.bench import BenchFile, load_bench
-from hil.bench.config import read
+from hil.bench.bench_file import read
 from motion.s7.axis import AxisState
 
 

@@ -17,7 +17,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from hil.bench import load_bench
 from hil.bench.bench import Bench
-from hil.bench.config import parse
+from hil.bench.bench_file import parse
 from hil.expect import run_checkers
 from hil.faults import Injector
 from reports.model import Verdict

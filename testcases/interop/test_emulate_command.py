@@ -17,7 +17,7 @@ from fieldbus.clock import RealtimeScheduler
 from fieldbus.errors import BusError
 from fieldbus.history import History
 from hil.bench import load_bench
-from hil.bench.config import parse
+from hil.bench.bench_file import parse
 from hil.bench.drive_host import DriveHost
 from hil.cli import main
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import pytest
 
 from hil.bench.bench import Bench
-from hil.bench.config import parse
+from hil.bench.bench_file import parse
 from hil.faults import Injector
 from motion.s7.controller import OperatingState
 from testcases.interop.test_live_modbus import bench_text

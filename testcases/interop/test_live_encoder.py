@@ -8,7 +8,7 @@ import can
 import pytest
 
 from hil.bench import load_bench
-from hil.bench.config import parse
+from hil.bench.bench_file import parse
 from hil.bench.drive_host import DriveHost
 from hil.bench.remote_calls import RemoteError
 from hil.cli import main

@@ -13,7 +13,7 @@ import signal
 import pytest
 
 from hil.bench.bench import Bench
-from hil.bench.config import parse, read
+from hil.bench.bench_file import parse, read
 from hil.campaign import CaseSettings, execute_case
 from hil.errors import BlockedError
 from reports.model import Verdict

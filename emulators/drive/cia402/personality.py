@@ -25,7 +25,6 @@ and are chosen by name; a path chooses a file of your own:
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
@@ -35,6 +34,7 @@ from typing import Any, Final
 from emulators.drive.cia402.config import DriveConfig
 from emulators.drive.cia402.quirks import EmcyCode, Quirks
 from fieldbus.errors import ConfigurationError
+from fieldbus.toml_text import parsed_toml
 
 FOLDER: Final = Path(__file__).with_name("personalities")
 """Where the personalities of the product stand."""
@@ -142,10 +142,10 @@ def _shipped(name: str) -> Personality:
 def _load(file: Path) -> Personality:
     text = str(file)
     try:
-        content = tomllib.loads(file.read_text(encoding="utf-8"))
+        content = parsed_toml(f"personality: {file.name}", file.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigurationError("personality", text, f"a readable file ({error.strerror})") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
         raise ConfigurationError("personality", text, f"TOML ({error})") from None
     return _parse(content, file.name)
 

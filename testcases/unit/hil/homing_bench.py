@@ -5,7 +5,7 @@ them.
 from __future__ import annotations
 
 from hil.bench.bench import Bench
-from hil.bench.config import parse, read
+from hil.bench.bench_file import parse, read
 
 SWITCHES = {"home_from_mm": 100.0, "home_to_mm": 120.0, "hysteresis_mm": 0.0}
 STEEP = {"DynamicDefaults.Jerk": 0.0, "DynamicDefaults.Deceleration": 1000.0}

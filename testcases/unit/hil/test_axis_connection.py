@@ -8,7 +8,7 @@ import pytest
 
 from hil.bench import load_bench
 from hil.bench.bench import Bench
-from hil.bench.config import parse, read
+from hil.bench.bench_file import parse, read
 from testcases.unit.hil.test_hil_profidrive import bench, enabled
 
 pytestmark = pytest.mark.exhaustive

@@ -84,6 +84,112 @@ MISTAKES = [
         "drive.x_drive: eds: 'missing.eds' cannot be read (No such file or directory)",
     ),
 ]
+COMMAS = [
+    (
+        LEAD,
+        '"Mechanics.LeadScrew" = 10,5',
+        'line 15: "Mechanics.LeadScrew": 10,5 is not allowed; allowed: a number with ',
+    ),
+    (
+        LEAD,
+        '"Mechanics.LeadScrew" = "10,5"',
+        "'10,5' is not allowed; allowed: a number, true or false: 10.5, without q",
+    ),
+    (
+        "node_id = 5",
+        "node_id = 5\noff3_ramp_s = 0,5",
+        "line 10: off3_ramp_s: 0,5 is not allowed; allowed: a number with a ",
+    ),
+    (
+        "node_id = 5",
+        'node_id = "5"',
+        "drive.x_drive.node_id: '5' is not allowed; allowed: a number: 5, without quotes",
+    ),
+    (
+        "node_id = 5",
+        "node_id = 5\nmechanics = { lead_screw_mm = 10.0, load_mass_kg = 2,5 }",
+        "line 10: load_mass_kg: 2,5 is not allowed; allowed: a number with a decimal point: load",
+    ),
+]
+EVERYTHING = """
+[bench]
+name = "cell"
+
+[segment.can0]
+
+[segment.net0]
+kind = "modbus_tcp"
+
+[drive.a]
+segment = "can0"
+node_id = 500
+
+[drive.b]
+segment = "can1"
+node_id = 2
+
+[drive.c]
+segment = "can0"
+node_id = 3
+eds = "missing.eds"
+
+[drive.d]
+segment = "net0"
+node_id = 4
+
+[drive.e]
+segment = "can0"
+node_id = 3
+
+[drive.f]
+profile = "analog"
+segment = "net0"
+
+[station.io]
+segment = "net0"
+analog_outputs = ["f.setpoint", "q.setpoint"]
+
+[encoder.k]
+segment = "can0"
+node_id = 9
+on = "a"
+
+[axis.u]
+drive = "a"
+encoders = ["nobody"]
+
+[axis.v]
+drive = "z"
+
+[axis.w]
+drive = "c"
+
+[axis.w.ramp_times]
+slow = 3.0
+
+[axis.x]
+drive = "e"
+encoders = []
+
+[axis.y]
+drive = "f"
+
+[external_encoder.l]
+encoder = "m"
+"""
+ALL_AT_ONCE = [
+    "drive.a.node_id: 500 is not allowed; allowed: 1 to 126, whole",
+    "drive.b.segment: 'can1' is not a segment; there are: can0, net0",
+    "station.io.analog_outputs[1]: 'q' is not a drive; there are: b, c, d, e, f, a",
+    "axis.v.drive: 'z' is not a drive; there are: b, c, d, e, f, a",
+    "external_encoder.l.encoder: 'm' is not an encoder; there are: k",
+    "drive.d.profile: ",
+    "axis.x.encoders: a positioning axis needs an encoder",
+    "drive.e.node_id: 3 is already taken by drive.c",
+    "drive.c: eds: ",
+    "axis.w: ramp_times.slow: 3.0 is not allowed",
+]
+"""Mistakes of `EVERYTHING`; nothing is said of what refers to tables with a mistake."""
 TABLES = [
     (
         '[bench]\nname = "cell"\n',
@@ -155,3 +261,35 @@ def test_an_eds_of_another_device_is_named_with_file_and_drive(said, tmp_path):
     assert line.startswith(
         "bench.toml: drive.x_drive: eds: 'box.eds' has no object 6041h; allowed: an EDS of a CiA"
     )
+
+
+def test_mistakes_of_all_tables_are_shown_at_once(said):
+    """Wrong values, names that do not exist, tables that do not fit and files that are missing come in one
+    answer; a table that refers to a wrong one adds no line.
+    """
+    lines = said(BENCH, EVERYTHING)
+    assert len(lines) == len(ALL_AT_ONCE), lines
+    for line, start in zip(lines, ALL_AT_ONCE, strict=True):
+        assert line.startswith(f"bench.toml: {start}")
+
+
+def test_variables_that_do_not_fit_are_shown_for_every_axis(said):
+    """What shows only when the axes are built is shown for all of them."""
+    second = (
+        '\n[drive.y_drive]\nsegment = "can0"\nnode_id = 6\n[axis.y]\ndrive = "y_drive"\n[axis.y.variables]\n'
+    )
+    gain = '"PositionControl.Kv" = 0.0'
+    lines = said(LEAD, f"{gain}{second}{gain}")
+    assert [line.partition(": PositionControl.Kv: 0.0")[0] for line in lines] == [
+        "bench.toml: axis.x",
+        "bench.toml: axis.y",
+    ]
+
+
+def test_numbers_with_a_decimal_comma_or_in_quotes_are_corrected(said, subtests):
+    """The message has file, line or place, key, and the number as TOML writes it."""
+    for old, new, message in COMMAS:
+        with subtests.test(new):
+            (line,) = said(old, new)
+            assert line.startswith("bench.toml: ")
+            assert message in line

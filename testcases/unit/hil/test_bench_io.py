@@ -9,7 +9,7 @@ import pytest
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from hil.bench import load_bench
 from hil.bench.bench import Bench
-from hil.bench.config import BenchFileError, parse, read
+from hil.bench.bench_file import BenchFileError, parse, read
 from hil.campaign import CaseSettings, execute_case, load_campaign
 from hil.faults import Injector
 from reports.model import Verdict

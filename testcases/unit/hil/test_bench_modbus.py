@@ -10,7 +10,7 @@ from fieldbus.errors import ConfigurationError
 from fieldbus.modbus import Change
 from hil.bench import load_bench
 from hil.bench.bench import Bench
-from hil.bench.config import parse, read
+from hil.bench.bench_file import parse, read
 from hil.bench.drive_config import ProfidriveModbusTable
 from hil.campaign import CaseSettings, execute_case
 from hil.errors import BlockedError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hil.bench import load_bench
-from hil.bench.config import BenchFileError, parse, read
+from hil.bench.bench_file import BenchFileError, parse, read
 
 LIVE = {'kind = "virtual"': 'kind = "live"', "latency_us = 100\n": ""}
 

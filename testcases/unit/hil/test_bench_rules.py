@@ -43,6 +43,7 @@ WATCHED = '\n[axis.x.variables]\n"PositionLimits_HW.Active" = true\n"DynamicLimi
 
 TRIPPED = {
     "switch-level": WATCHED + '"PositionLimits_HW.MinSwitchLevel" = false\n',
+    "switch-supervision": "\n[drive.x_drive.switches]\npositive_limit_mm = 300.0\n",
     "switch-place": WATCHED + "[drive.x_drive.switches]\npositive_limit_mm = 620.0\n",
     "start-position": WATCHED + "[drive.x_drive.mechanics]\nstart_position_mm = 560.0\n",
     "stop-distance": WATCHED.replace("200.0", "500.0"),

@@ -7,7 +7,7 @@ from __future__ import annotations
 import pytest
 
 from hil.bench.bench import Bench
-from hil.bench.config import BenchFileError, parse
+from hil.bench.bench_file import BenchFileError, parse
 
 pytestmark = pytest.mark.exhaustive
 

@@ -9,7 +9,7 @@ from math import degrees
 import pytest
 
 from hil.bench.bench import Bench
-from hil.bench.config import parse, read
+from hil.bench.bench_file import parse, read
 
 pytestmark = pytest.mark.exhaustive
 

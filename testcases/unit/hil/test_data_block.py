@@ -6,7 +6,7 @@ import pytest
 
 from fieldbus.errors import ConfigurationError
 from hil.bench.bench import Bench
-from hil.bench.config import parse, read
+from hil.bench.bench_file import parse, read
 from motion.drives.data_block import DataBlock
 
 ENCODER = """

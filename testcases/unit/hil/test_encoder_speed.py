@@ -7,7 +7,7 @@ from __future__ import annotations
 import pytest
 
 from hil.bench.bench import Bench
-from hil.bench.config import parse, read
+from hil.bench.bench_file import parse, read
 from motion.s7.axis.assembly import mechanics_of
 from motion.s7.variables import VariableStore
 

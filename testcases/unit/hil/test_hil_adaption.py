@@ -9,7 +9,7 @@ import pytest
 from fieldbus.profidrive.requests import ParameterError
 from hil.bench import load_bench
 from hil.bench.bench import Bench
-from hil.bench.config import parse, read
+from hil.bench.bench_file import parse, read
 from hil.faults import Injector
 
 BOTH = {"Actor.DataAdaption": 1, "Sensor[1].DataAdaption": 1}

@@ -6,7 +6,7 @@ import pytest
 
 from fieldbus.errors import ConfigurationError
 from hil.bench.bench import Bench
-from hil.bench.config import BenchFileError, parse, read
+from hil.bench.bench_file import BenchFileError, parse, read
 
 ENCODER = """
 [encoder.enc1]

@@ -6,7 +6,7 @@ import pytest
 
 from fieldbus.clock import MS, S
 from hil.bench import BenchFile, BenchFileError, load_bench
-from hil.bench.config import parse, read
+from hil.bench.bench_file import parse, read
 from hil.errors import BlockedError, ConfigurationError, UnsupportedFaultError
 from hil.faults import after, at, position, velocity
 from motion.s7.instructions import MC_SaveAbsoluteEncoderData
@@ -119,7 +119,7 @@ def test_a_start_value_is_no_text(value):
         parse(text.replace(line, f'"PositionControl.Kv" = {value}'), "bench.toml")
     message = str(caught.value)
     assert message.startswith('bench.toml: axis.axis1.variables."PositionControl.Kv": ')
-    assert message.endswith("is not allowed; allowed: a number, true or false")
+    assert "is not allowed; allowed: a number, true or false" in message
     assert "\n" not in message
 
 
@@ -141,7 +141,7 @@ def test_a_value_of_another_type(before, after, allowed):
     assert before in text
     with pytest.raises(BenchFileError) as caught:
         parse(text.replace(before, after, 1), "bench.toml")
-    assert str(caught.value).endswith(f"is not allowed; allowed: {allowed}")
+    assert f"is not allowed; allowed: {allowed}" in str(caught.value)
 
 
 @pytest.mark.requirement("HOM-158", "HOM-160", "MC-472")

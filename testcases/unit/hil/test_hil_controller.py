@@ -6,7 +6,7 @@ import pytest
 
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from hil.bench import BenchFile, load_bench
-from hil.bench.config import BenchFileError, parse
+from hil.bench.bench_file import BenchFileError, parse
 from hil.expect.checkers import run_checkers
 from hil.faults import Injector, velocity
 from motion.s7.controller import OperatingState

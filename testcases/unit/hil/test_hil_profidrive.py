@@ -13,7 +13,7 @@ from fieldbus.profidrive import from_n4
 from fieldbus.profidrive.errors import ParameterAccessError
 from hil.bench import load_bench
 from hil.bench.bench import Bench
-from hil.bench.config import BenchFileError, parse, read
+from hil.bench.bench_file import BenchFileError, parse, read
 from hil.bench.drive_host import DriveHost
 from hil.bench.remote import RemoteDrive
 from hil.bench.remote_calls import RemoteError

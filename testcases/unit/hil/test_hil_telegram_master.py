@@ -11,7 +11,7 @@ from fieldbus.profidrive.errors import TelegramError
 from fieldbus.profidrive.words import POS_STW1, POS_STW2, STW1, ZSW1
 from hil.bench import load_bench
 from hil.bench.bench import Bench
-from hil.bench.config import BenchFileError, parse
+from hil.bench.bench_file import BenchFileError, parse
 from hil.errors import BlockedError
 from hil.faults import Injector
 

@@ -8,7 +8,7 @@ import pytest
 
 from fieldbus.errors import ConfigurationError
 from hil.bench.bench import Bench
-from hil.bench.config import parse, read
+from hil.bench.bench_file import parse, read
 from hil.expect import golden
 from testcases.unit.hil.homing_bench import homing_bench
 

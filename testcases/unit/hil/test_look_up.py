@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from hil.bench import EMBEDDED
-from hil.bench.config import read
+from hil.bench.bench_file import read
 from hil.cli import main
 from motion.s7.variable_texts import head_of, page, variable_texts
 from motion.s7.variables import VariableStore, object_types

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from fieldbus.errors import ConfigurationError
 from hil.bench import load_bench
 from hil.bench.bench import Bench
-from hil.bench.config import parse, read
+from hil.bench.bench_file import parse, read
 from hil.faults import Injector
 from testcases.unit.hil.test_hil_profidrive import bench, enabled
 

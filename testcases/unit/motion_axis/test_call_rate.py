@@ -10,7 +10,7 @@ import pytest
 
 from fieldbus.errors import ConfigurationError
 from hil.bench.bench import Bench
-from hil.bench.config import parse, read
+from hil.bench.bench_file import parse, read
 from motion.s7.call_log import CallLog
 from motion.s7.instructions import MC_MoveJog, MC_MoveRelative, MC_TorqueAdditive
 from testcases.unit.motion_axis.conftest import Rig, TorquePort

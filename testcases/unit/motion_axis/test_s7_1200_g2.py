@@ -11,7 +11,7 @@ import pytest
 import motion.s7.instructions as instructions
 from fieldbus.errors import ConfigurationError
 from hil.bench.bench import Bench
-from hil.bench.config import parse, read
+from hil.bench.bench_file import parse, read
 from motion.s7.axis import AxisState
 from motion.s7.compatibility import LEVELS
 from motion.s7.instructions import (

@@ -8,7 +8,7 @@ import pytest
 
 from fieldbus.profidrive import to_n4
 from hil.bench.bench import Bench
-from hil.bench.config import parse
+from hil.bench.bench_file import parse
 from hil.faults import Injector
 from testcases.unit.stop_timelines.telegram_record import CYCLE_S, ZSW1_MASK
 

@@ -22,7 +22,6 @@ from __future__ import annotations
 import math
 import re
 import struct
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -35,6 +34,7 @@ from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import TypeCode
 from fieldbus.profidrive.errors import ParameterAccessError
 from fieldbus.profidrive.requests import Value, pack_values, unpack_values
+from fieldbus.toml_text import toml_content
 
 FACTORY: Final = Path(__file__).with_name("parameters.toml")
 """The parameter list of the emulated drive."""
@@ -223,10 +223,7 @@ def load_definitions(path: Path = FACTORY) -> tuple[ParameterDefinition, ...]:
         ConfigurationError: The file cannot be read, or a parameter in it is wrong; the message names it.
 
     """
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigurationError(str(path), str(error), "a parameter list in TOML") from None
+    content = toml_content(path)
     rows = content.get("parameters")
     if set(content) != {"parameters"} or not isinstance(rows, dict):
         raise ConfigurationError(str(path), sorted(content), "one table, [parameters]")
