@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Final, Literal
 from annotated_types import Ge, Le
 
 from emulators.checked_fields import BENCH_FILE_TABLE, NotNegative, check_fields
-from emulators.drive.keys import MaxSpeed_rpm, Off3Ramp_s, RatedTorque_nm
+from emulators.drive.keys import Off3Keys, SpeedKeys, TorqueKeys
 from emulators.drive.machine import (
     BrakeConfig,
     EncoderConfig,
@@ -60,7 +60,7 @@ class AnalogSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AnalogConfig:
+class AnalogConfig(SpeedKeys, TorqueKeys, Off3Keys):
     """A drive that takes its speed from a voltage.
 
     Args:
@@ -72,10 +72,7 @@ class AnalogConfig:
         tuning: Gains of the speed loop; such a drive does not know the
             acceleration, it has no torque pre-control.
         servo_period_ns: Control cycle, ns.
-        max_speed_rpm: Limit of the speed, and where the stop ramp begins, rpm, > 0.
-        rated_torque_nm: Rated torque.
         peak_torque: Torque limit as a multiple of the rated one, > 0.
-        off3_ramp_s: From the maximum speed to standstill.
 
     Raises:
         ConfigurationError: A value is out of its range.
@@ -89,10 +86,7 @@ class AnalogConfig:
     brake: BrakeConfig = field(default_factory=BrakeConfig)
     tuning: ServoTuning = field(default_factory=ServoTuning)
     servo_period_ns: int = 250 * US
-    max_speed_rpm: MaxSpeed_rpm = 3000.0
-    rated_torque_nm: RatedTorque_nm = 2.0
     peak_torque: float = 3.0
-    off3_ramp_s: Off3Ramp_s = 0.5
 
     def __post_init__(self) -> None:
         check_number("analog drive peak_torque", self.peak_torque, positive=True)
@@ -103,7 +97,7 @@ class AnalogConfig:
     @property
     def speed_tuning(self) -> ServoTuning:
         """Gains without the pre-control of the torque."""
-        return replace(self.tuning, torque_feedforward=False)
+        return replace(self.tuning, torque_precontrol=False)
 
     @property
     def control_period_ns(self) -> int:

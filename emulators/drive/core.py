@@ -15,9 +15,9 @@ velocity without lag.
 The integral part sees only what a model of the undisturbed loop cannot explain, so that neither a step of the
 demand nor the torque limit winds it up.
 
-Closed velocity loop: `ServoTuning.velocity_time_constant_s` (T_vtc, default 2 ms) is inertia / proportional
+Closed velocity loop: `ServoTuning.velocity_time_constant_ms` (T_vtc, default 2 ms) is inertia / proportional
 gain. It is how fast a disturbance is countered; a velocity demand passes it as a first-order lag only where
-the pre-control cannot know the acceleration: with `torque_feedforward=False`, and for the velocity that
+the pre-control cannot know the acceleration: with `torque_precontrol=False`, and for the velocity that
 follows from interpolated positions.
 
 All quantities are those of the motor shaft: rad, rad/s, Nm, as the encoder shows them.
@@ -143,7 +143,7 @@ class ServoCore:
         tuning = ServoTuning() if tuning is None else tuning
         if not 0.0 < period_s <= tuning.velocity_time_constant_s / 3.0:
             raise ConfigurationError(
-                "period_s", period_s, "0 < period <= a third of velocity_time_constant_s"
+                "period_s", period_s, "0 < period <= a third of velocity_time_constant_ms"
             )
         self._mechanics = mechanics
         self._encoder = encoder
@@ -164,7 +164,7 @@ class ServoCore:
         self._inertia_per_step = inertia / period_s
         self._correction_gain = tuning.position_gain
         self._reference_share = period_s / (tuning.velocity_time_constant_s + period_s)
-        self._velocity_source = _VELOCITY if tuning.torque_feedforward else _SMOOTHED
+        self._velocity_source = _VELOCITY if tuning.torque_precontrol else _SMOOTHED
         time_constant = tuning.current_time_constant_s
         self._lag = period_s / (time_constant + period_s) if time_constant else 0.0
         self.standstill_speed = tuning.standstill_speed_rpm * RPM

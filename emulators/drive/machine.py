@@ -14,6 +14,7 @@ from annotated_types import Ge, Le
 
 from emulators.checked_fields import BENCH_FILE_TABLE, NotNegative, Positive, check_fields
 from emulators.drive.brake import HoldingBrake
+from emulators.drive.keys import EncoderKind, IndexIncrements
 from emulators.encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder
 from emulators.mechanics import AxisMechanics, LinearAxisMechanics, RotaryAxisMechanics, SwitchModel
 from fieldbus.errors import ConfigurationError
@@ -318,10 +319,10 @@ class EncoderConfig:
 
     """
 
-    kind: Literal["incremental", "absolute"] = "incremental"
+    kind: EncoderKind = "incremental"
     counts_per_revolution: int = 131072
     turns: int = 4096
-    zero_mark_counts: int = 0
+    zero_mark_counts: IndexIncrements = 0
     reversed_direction: bool = False
     interpolated: bool = True
 

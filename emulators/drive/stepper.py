@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from emulators.drive.inputs import DigitalInputs
+from emulators.drive.keys import PullOutTorqueKeys
 from emulators.drive.machine import LinearAxisConfig, RotaryAxisConfig, SwitchesConfig, build_machine
 from emulators.drive.profidrive.statemachine import AxisState
 from emulators.drive.pto_settings import PtoSettings
@@ -30,7 +31,7 @@ _NUMBERS: Final = {state: number for number, state in enumerate(AxisState)}
 
 
 @dataclass(frozen=True, kw_only=True)
-class StepperDriveConfig:
+class StepperDriveConfig(PullOutTorqueKeys):
     """Channel 0 of a module with its motor and machine; channel 1 has no motor.
 
     Args:
@@ -38,7 +39,6 @@ class StepperDriveConfig:
         other: Channel 1.
         mechanics: Machine: transmission, inertia, friction, end stops.
         switches: Switches on the travel of a linear axis. `home` is wired to RS, `probe1` to MI.
-        holding_torque_Nm: Pull-out torque at low speed, Nm.
         servo_period_ns: How often motor and machine are looked at, ns.
 
     Raises:
@@ -56,7 +56,6 @@ class StepperDriveConfig:
         )
     )
     switches: SwitchesConfig = field(default_factory=SwitchesConfig)
-    holding_torque_Nm: float = 2.0
     servo_period_ns: int = 250 * US
 
     def __post_init__(self) -> None:
@@ -70,7 +69,7 @@ class StepperDriveConfig:
         return StepperConfig(
             increments=self.channel.increments,
             full_steps=settings.full_steps,
-            holding_torque=self.holding_torque_Nm,
+            holding_torque=self.rated_torque_nm,
             corner_hz=settings.corner_hz,
             start_stop_hz=settings.start_stop_hz,
             inertia=inertia,
@@ -115,7 +114,7 @@ def signal_output_config(
         mechanics=RotaryAxisConfig(
             motor_inertia_kgm2=1e-9, load_inertia_kgm2=0.0, coulomb_friction=0.0, viscous_friction=0.0
         ),
-        holding_torque_Nm=1e9,
+        rated_torque_nm=1e9,
         servo_period_ns=servo_period_ns,
     )
 

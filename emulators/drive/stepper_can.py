@@ -9,10 +9,14 @@ that no controller leads it any more.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final
+
+from annotated_types import Ge, Le
 
 from emulators.canopen_node import CanopenNode
+from emulators.checked_fields import check_fields
 from emulators.drive.emulated_drive import EmulatedDrive
+from emulators.drive.keys import BootKeys
 from emulators.drive.machine import LinearAxisConfig
 from emulators.drive.profidrive.canopen import objects
 from emulators.drive.profidrive.canopen.eds import EDS
@@ -35,27 +39,22 @@ _COLUMNS: Final = (*COLUMNS, NMT_STATE)
 
 
 @dataclass(frozen=True, kw_only=True)
-class StepperNodeConfig:
+class StepperNodeConfig(BootKeys):
     """A pulse module on CANopen.
 
     Args:
         node_id: 1..127.
         drive: Module, motor and machine.
         cycle_ns: Bus cycle, ns.
-        boot_time_s: From power-on or reset to the boot-up frame, s.
 
     """
 
-    node_id: int = 1
+    node_id: Annotated[int, Ge(1), Le(127)] = 1
     drive: StepperDriveConfig = field(default_factory=StepperDriveConfig)
     cycle_ns: int = 4 * MS
-    boot_time_s: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 1 <= self.node_id <= 127:
-            raise ConfigurationError("node_id", self.node_id, "1..127")
-        if not self.boot_time_s >= 0.0:
-            raise ConfigurationError("boot_time_s", self.boot_time_s, ">= 0")
+        check_fields(self, "drive")
         if self.cycle_ns <= 0:
             raise ConfigurationError("cycle_ns", self.cycle_ns, "> 0")
 
@@ -107,7 +106,7 @@ class StepperCanDrive(EmulatedDrive):
             config.node_id,
             name=name,
             history=history,
-            boot_time_s=config.boot_time_s,
+            boot_time_s=config.boot_time_ms / 1000.0,
         )
         self.slave = slave = self.node.slave
         self._words = ProcessWords(

@@ -22,39 +22,34 @@ from pydantic import (
 from emulators.drive.analog_config import AnalogConfig, AnalogSettings
 from emulators.drive.homing_config import HomingConfig
 from emulators.drive.keys import (
-    BlockedTime_ms,
-    BootTime_ms,
-    CsvInterpolation,
+    BootKeys,
+    Cia402Keys,
     EncoderKind,
-    FollowingError,
     Increments,
     IndexIncrements,
-    MaxSpeed_rpm,
-    MissingSetpoints,
-    Off1Ramp_s,
-    Off3Ramp_s,
-    PowerOnDelay_ms,
-    RatedTorque_nm,
-    SyncJitter_percent,
-    SyncLoss,
-    TorquePrecontrol,
-    VelocityTimeConstant_ms,
+    ModbusKeys,
+    Off3Keys,
+    PowerKeys,
+    PullOutTorqueKeys,
+    SpeedKeys,
+    SpeedLoopKeys,
+    TorqueKeys,
 )
-from emulators.drive.machine import BrakeConfig, LinearAxisConfig, SafetyConfig, SwitchesConfig
+from emulators.drive.machine import BrakeConfig, EncoderConfig, LinearAxisConfig, SafetyConfig, SwitchesConfig
 from emulators.drive.positioner_config import PositionerSettings
+from emulators.drive.profidrive_settings import ProfidriveSettings
 from emulators.drive.pto_settings import PtoSettings
 from emulators.drive.safety_config import SafeMotionConfig
 from emulators.drive.supply import SupplyConfig
 from emulators.drive.thermal import ThermalConfig
-from fieldbus.clock import MS
+from emulators.drive.tuning import ServoTuning
 from fieldbus.errors import ConfigurationError
 from fieldbus.node_clock import NodeClock
 from fieldbus.profidrive.errors import TelegramError
-from hil.bench._table import NodeId, Port, RampTime, Table, Time_ms, Word, refused_by_part
+from hil.bench._table import NodeId, Port, RampTime, Table, Word, refused_by_part
 from hil.bench.drive_tables import (
     AnySecondEncoder,
     NoSecondEncoder,
-    ProfidriveTable,
     SecondEncoderTable,
 )
 from hil.bench.segment_config import CanTable
@@ -110,7 +105,7 @@ _RECORD_BYTES: Final = 14
 """Registers of a request for one parameter, with the header of data record 47."""
 
 
-class _DriveTable(Table, frozen=True):
+class _DriveTable(Table, SpeedKeys, frozen=True):
     """What a drive of any profile has."""
 
     bus: ClassVar[Literal["can", "modbus", "station"]] = "can"
@@ -129,8 +124,7 @@ class _DriveTable(Table, frozen=True):
     """The bench is ready without this drive; the drive is taken in when it comes,
     and its axis can be used then.
     """
-    increments_per_revolution: Increments = 131072
-    max_speed_rpm: MaxSpeed_rpm = 3000.0
+    increments_per_revolution: Increments = EncoderConfig.counts_per_revolution
 
     @property
     def second_encoder(self) -> SecondEncoderTable | None:
@@ -214,7 +208,7 @@ class _DriveTable(Table, frozen=True):
         )
 
 
-class _NodeTable(_DriveTable, frozen=True):
+class _NodeTable(_DriveTable, BootKeys, frozen=True):
     """What a drive on CANopen has."""
 
     node_id: NodeId
@@ -235,7 +229,6 @@ class _NodeTable(_DriveTable, frozen=True):
     """Expected 1018h:3."""
     serial: Word | None = None
     """Expected 1018h:4."""
-    boot_time_ms: BootTime_ms = 0.0
 
     @model_validator(mode="after")
     def _one_watch(self) -> _NodeTable:
@@ -291,17 +284,13 @@ class _StoringNodeTable(_NodeTable, frozen=True):
         return None if self.storage is None else Path(self.storage)
 
 
-class _ServoTable(_DriveTable, frozen=True):
+class _ServoTable(_DriveTable, TorqueKeys, Off3Keys, SpeedLoopKeys, frozen=True):
     """What a servo drive of any profile has: motor, encoder, machine, brake and speed loop."""
 
     terminals: ClassVar[Mapping[str, Sequence[str]]] = {"digital_inputs": SWITCHES, "counters": ("encoder",)}
 
-    encoder: EncoderKind = "incremental"
-    index_increments: IndexIncrements = 0
-    off3_ramp_s: Off3Ramp_s = 0.5
-    rated_torque_nm: RatedTorque_nm = 2.0
-    velocity_time_constant_ms: VelocityTimeConstant_ms = 2.0
-    torque_precontrol: TorquePrecontrol = True
+    encoder: EncoderKind = EncoderConfig.kind
+    index_increments: IndexIncrements = EncoderConfig.zero_mark_counts
     mechanics: LinearAxisConfig = LinearAxisConfig()
     switches: SwitchesConfig = SwitchesConfig()
     brake: BrakeConfig = BrakeConfig()
@@ -341,14 +330,11 @@ class _ServoTable(_DriveTable, frozen=True):
 
     def servo_parts(self) -> dict[str, Any]:
         """Return what an emulated servo drive of any profile is built of."""
-        from emulators.drive.machine import EncoderConfig
-        from emulators.drive.tuning import ServoTuning
-
         return {
             "tuning": ServoTuning(
-                velocity_time_constant_s=self.velocity_time_constant_ms / 1000.0,
+                velocity_time_constant_ms=self.velocity_time_constant_ms,
                 velocity_integral_time_s=self.velocity_time_constant_ms / 100.0,
-                torque_feedforward=self.torque_precontrol,
+                torque_precontrol=self.torque_precontrol,
             ),
             "mechanics": self.mechanics,
             "switches": self.switches,
@@ -362,12 +348,13 @@ class _ServoTable(_DriveTable, frozen=True):
         }
 
 
-class _PoweredServoTable(_ServoTable, frozen=True):
+class _PoweredServoTable(_ServoTable, PowerKeys, frozen=True):
     """What a servo drive on a bus has: power stage with DC link and protection."""
 
-    off1_ramp_s: Off1Ramp_s = 1.0
-    power_on_delay_ms: PowerOnDelay_ms = 0.0
-    blocked_time_ms: BlockedTime_ms = 0.0
+    off1_ramp_s: RampTime = 1.0
+    """From maximum speed to zero with OFF1 (p1121, 6084h); at a CiA 402 drive the slope has to fit into
+    6084h.
+    """
     supply: SupplyConfig = SupplyConfig()
     thermal: ThermalConfig = ThermalConfig()
 
@@ -382,7 +369,7 @@ class _PoweredServoTable(_ServoTable, frozen=True):
         }
 
 
-class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, frozen=True):
+class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen=True):
     """`[drive.NAME]` with `profile = "cia402"`: a servo drive with the profile CiA 402."""
 
     label: ClassVar[str] = 'a drive with profile = "cia402"'
@@ -392,11 +379,6 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, frozen=True):
     """How the emulated drive differs from the profile: a name of `hil personalities`, or a file `*.toml`,
     relative to the bench file.
     """
-    sync_loss: SyncLoss = "fault"
-    sync_jitter_percent: SyncJitter_percent = 0.0
-    missing_setpoints: MissingSetpoints = 2
-    following_error: FollowingError = "fault"
-    csv_interpolation: CsvInterpolation = True
     eds: str | None = None
     """EDS or DCF that the emulated drive presents on the bus, relative to the bench
     file; none: that of the product.
@@ -518,7 +500,7 @@ class _ProfidriveTable(_PoweredServoTable, frozen=True):
     """
     safety: SafeMotionConfig = SafeMotionConfig()
     encoder2: AnySecondEncoder = NoSecondEncoder()
-    profidrive: ProfidriveTable = ProfidriveTable()
+    profidrive: ProfidriveSettings = ProfidriveSettings()
     positioner: PositionerSettings | None = None
 
     @property
@@ -639,16 +621,16 @@ class _ProfidriveTable(_PoweredServoTable, frozen=True):
             settings=DriveSettings(
                 operating_mode=2 if self.positions else own.operating_mode,
                 reference_speed_rpm=own.reference_speed_rpm,
-                reference_torque_Nm=own.reference_torque_nm,
+                reference_torque_nm=own.reference_torque_nm,
                 max_speed_rpm=self.max_speed_rpm,
                 ramp_up_s=own.ramp_up_s,
                 ramp_down_s=self.off1_ramp_s,
                 quick_stop_s=self.off3_ramp_s,
                 torque_limits_Nm=(limit, limit),
                 sign_of_life_tolerance=own.sign_of_life_tolerance,
-                setpoint_monitoring_s=own.setpoint_monitoring_ms / 1000.0,
+                setpoint_monitoring_ms=own.setpoint_monitoring_ms,
             ),
-            fine_xist1=own.fine_resolution_bits,
+            fine_resolution_bits=own.fine_resolution_bits,
             fine_xist2=finest_xist2(parts["encoder"]),
             interpolation=own.interpolation,
             isochronous=self.counts_life(live=bench.live),
@@ -706,7 +688,7 @@ class ProfidriveCanTable(_ProfidriveTable, _StoringNodeTable, frozen=True):
         node = ProfidriveNodeConfig(
             node_id=self.node_id,
             drive=self.config(site.bench),
-            boot_time_s=self.boot_time_ms / 1000.0,
+            boot_time_ms=self.boot_time_ms,
             storage=self.storage_path,
         )
         return ProfidriveCanDrive(
@@ -731,26 +713,16 @@ class ProfidriveCanTable(_ProfidriveTable, _StoringNodeTable, frozen=True):
         return ProfidriveCanPort(site.masters[self.segment], config, name=site.name, history=site.history)
 
 
-class ProfidriveModbusTable(_ProfidriveTable, frozen=True):
+class ProfidriveModbusTable(_ProfidriveTable, ModbusKeys, BootKeys, frozen=True):
     """`[drive.NAME]` with `profile = "profidrive"` and no `node_id`: a PROFIdrive axis on Modbus."""
 
     label: ClassVar[str] = 'a drive with profile = "profidrive" without node_id (on Modbus)'
     bus: ClassVar[Literal["can", "modbus", "station"]] = "modbus"
 
-    unit: Annotated[int, Field(ge=0, le=255)] = 1
-    """Address on Modbus, each once per line; on a line 1 to 247."""
-    map: str = "sinamics_g120"
-    """Register map on Modbus: `sinamics_g120`, `sinamics_g220`, `festo`, or a file `*.toml`, which is
-    relative to the bench file and part of its digest.
-    """
     host: str | None = None
     """Host of this drive on a live network; none: as the segment says."""
     port: Port | None = None
     """TCP port of this drive on a live network; none: that of the segment."""
-    processing_ms: Annotated[float, Field(ge=0.0, le=10_000.0)] = 1.0
-    """From a request to its response in the emulated drive (p2024[0])."""
-    boot_time_ms: Time_ms = 0.0
-    """From power-on of the emulated drive to its first response."""
 
     def counts_life(self, *, live: bool) -> bool:
         """Return whether drive and controller watch each other's sign of life.
@@ -854,11 +826,11 @@ class ProfidriveModbusTable(_ProfidriveTable, frozen=True):
 
         config = ProfidriveModbusConfig(
             unit=max(self.unit, 1),  # over TCP it answers every unit
-            registers=self.map,
+            map=self.map,
             drive=self.config(site.bench),
-            setpoint_monitoring_s=self.profidrive.setpoint_monitoring_ms / 1000.0,
-            processing_ns=round(self.processing_ms * MS),
-            boot_time_s=self.boot_time_ms / 1000.0,
+            setpoint_monitoring_ms=self.profidrive.setpoint_monitoring_ms,
+            processing_ms=self.processing_ms,
+            boot_time_ms=self.boot_time_ms,
         )
         return ProfidriveModbusDrive(
             _own_clock(site), config, name=site.name, history=site.history, rng=site.rng
@@ -1012,7 +984,7 @@ class _PulseTable(_NodeTable, frozen=True):
             node_id=self.node_id,
             drive=self.stepper_config(site.bench.servo_period_ns),
             cycle_ns=site.bench.cycle_ns,
-            boot_time_s=self.boot_time_ms / 1000.0,
+            boot_time_ms=self.boot_time_ms,
         )
         return StepperCanDrive(
             _own_clock(site), site.segments[self.segment], node, name=site.name, history=site.history
@@ -1037,7 +1009,7 @@ class _PulseTable(_NodeTable, frozen=True):
         return "standard"
 
 
-class PulseDriveTable(_PulseTable, frozen=True):
+class PulseDriveTable(_PulseTable, PullOutTorqueKeys, frozen=True):
     """`[drive.NAME]` with `profile = "tm_pto"`: a pulse module with a stepper motor."""
 
     label: ClassVar[str] = 'a drive with profile = "tm_pto"'
@@ -1048,8 +1020,6 @@ class PulseDriveTable(_PulseTable, frozen=True):
     """Ramp stop time of the module, which also limits every other change of the speed."""
     off3_ramp_s: RampTime = 0.5
     """Quick stop time of the module."""
-    rated_torque_nm: Annotated[float, Field(ge=0.001, le=1_000_000.0)] = 2.0
-    """Pull-out torque of the motor at low speed."""
     mechanics: LinearAxisConfig = LinearAxisConfig()
     switches: SwitchesConfig = SwitchesConfig()
     tm_pto: PtoSettings = PtoSettings()
@@ -1105,7 +1075,7 @@ class PulseDriveTable(_PulseTable, frozen=True):
             channel=channel,
             mechanics=self.mechanics,
             switches=self.switches,
-            holding_torque_Nm=self.rated_torque_nm,
+            rated_torque_nm=self.rated_torque_nm,
             servo_period_ns=servo_period_ns,
         )
 

@@ -1,12 +1,10 @@
-"""Tables within `[drive.NAME]` that choose between models, or serve controller and drive: `encoder2` and
-`profidrive`.
-"""
+"""`[drive.NAME.encoder2]`: the second encoder of a PROFIdrive axis, or none."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Tag
 
 from emulators.drive.second_encoder_config import LinearSecondEncoder, RotarySecondEncoder
 from hil.bench._table import Table
@@ -56,36 +54,3 @@ AnySecondEncoder = Annotated[
     Discriminator(_second_encoder),
 ]
 """`[drive.NAME.encoder2]`, chosen by its key `type`."""
-
-
-class ProfidriveTable(Table, frozen=True):
-    """`[drive.NAME.profidrive]`: supplements, references and monitoring of a PROFIdrive axis."""
-
-    torque_telegram: bool = False
-    """Telegram 750 follows: additive torque, torque limits, actual torque."""
-    safety_telegram: Literal[700, 701] | None = None
-    """Telegram 700 or 701 follows: the safety information channel. On CAN a telegram with its supplements
-    has at most 16 words.
-    """
-    reference_speed_rpm: Annotated[float, Field(ge=6.0, le=210_000.0)] = 3000.0
-    """Speed that 4000h stands for (p2000)."""
-    reference_torque_nm: Annotated[float, Field(ge=0.001, le=1_000_000.0)] = 2.0
-    """Torque that 4000h stands for (p2003)."""
-    fine_resolution_bits: Annotated[int, Field(ge=0, le=20)] = 11
-    """Fine resolution of G1_XIST1 (p0418); `increments_per_revolution` are without it (P979[2])."""
-    operating_mode: Literal[1, 3] = 3
-    """PNU 930 of the emulated drive: 1 with ramp-function generator, 3 without."""
-    ramp_up_s: Annotated[float, Field(ge=0.0, le=1000.0)] = 10.0
-    """p1120 of the emulated drive, which acts in operating mode 1; 0 = at once."""
-    interpolation: bool = True
-    """The emulated drive reaches a setpoint of operating mode 3 linearly within
-    the bus cycle; false: at once.
-    """
-    sign_of_life_tolerance: Annotated[int, Field(ge=0, le=65_535)] = 1
-    """Failures of the sign of life that the emulated drive tolerates (PNU 925); 65535 = not monitored."""
-    sign_of_life: bool | None = None
-    """Whether drive and controller watch each other's counter; none: where the telegram has one, but not on
-    live Modbus.
-    """
-    setpoint_monitoring_ms: Annotated[float, Field(ge=0.0, le=2_000_000.0)] = 100.0
-    """The emulated drive trips with F01910 when no telegram comes for this long (p2040); 0 = never."""

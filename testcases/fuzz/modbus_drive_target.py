@@ -63,7 +63,7 @@ class _Rig:
             switches=NO_SWITCHES,
         )
         self.unit = ProfidriveModbusDrive(
-            self.scheduler, ProfidriveModbusConfig(registers=registers, drive=config), name="drive"
+            self.scheduler, ProfidriveModbusConfig(map=registers, drive=config), name="drive"
         )
         self.with_torque = (AxisState.S4, AxisState.S5A, AxisState.S5B)
         self.operating = AxisState.S4

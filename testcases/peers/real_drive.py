@@ -65,7 +65,7 @@ def slow_servo(telegram: int = 1, **options: Any) -> ProfidriveConfig:
 
 @contextmanager
 def real_drive(link: str, config: ProfidriveModbusConfig | None = None) -> Iterator[RealDrive]:
-    chosen = config or ProfidriveModbusConfig(unit=UNIT, drive=slow_servo(), setpoint_monitoring_s=0.0)
+    chosen = config or ProfidriveModbusConfig(unit=UNIT, drive=slow_servo(), setpoint_monitoring_ms=0.0)
     device = RealDrive(link, chosen)
     over = Event()
     thread = Thread(target=lambda: device.scheduler.run_until(over.is_set, 600 * S), daemon=True)

@@ -93,7 +93,7 @@ def device() -> Iterator[RealDrive]:
     """A drive with telegram 111 and the registers of a Festo drive."""
     mechanics = LinearAxisConfig(negative_stop_mm=None, positive_stop_mm=None)
     drive = slow_servo(111, positioner=POSITIONER, mechanics=mechanics, switches=NO_SWITCHES)
-    with real_drive("tcp", ProfidriveModbusConfig(drive=drive, registers="festo", processing_ns=0)) as made:
+    with real_drive("tcp", ProfidriveModbusConfig(drive=drive, map="festo", processing_ms=0.0)) as made:
         yield made
 
 
@@ -111,7 +111,7 @@ def test_it_enables_homes_moves_faults_and_acknowledges(edcon, device):
     """
     position = lambda: device.do(lambda: device.drive.drive.mode.positioner.position)  # noqa: E731
     assert edcon("info")["product_name"] == "CMMT-AS"
-    assert device.do(lambda: device.drive.drive.settings.setpoint_monitoring_s) == 1.0
+    assert device.do(lambda: device.drive.drive.settings.setpoint_monitoring_ms) == 1000.0
     assert edcon("acknowledge_faults")
     assert edcon("enable_powerstage")
     assert not edcon("referenced")

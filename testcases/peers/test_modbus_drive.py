@@ -122,7 +122,7 @@ def test_they_understand_every_exception_code(client, device):
 @pytest.mark.parametrize("link", ["tcp", "rtu"])
 def test_a_client_that_goes_away(link):
     """After p2040 without process data the axis stops with F01910, whatever has become of the connection."""
-    config = ProfidriveModbusConfig(unit=UNIT, drive=slow_servo(), setpoint_monitoring_s=0.5)
+    config = ProfidriveModbusConfig(unit=UNIT, drive=slow_servo(), setpoint_monitoring_ms=500.0)
     with real_drive(link, config) as device:
         client = CLIENTS["libmodbus"](device)
         client.write(CONTROL, READY)

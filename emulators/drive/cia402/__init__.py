@@ -6,10 +6,10 @@ Delays, all in terms of the frame end of a SYNC (default servo period 0.25 ms, S
 * A control word or mode in a synchronous RPDO acts at that SYNC; its TPDOs already show the new state.
   Modes and status bits of the mode follow in the next control cycle (1 ms).
 * A setpoint that becomes effective at a SYNC is taken up at the next servo instant, acts on the load
-  within the servo period after that, and is reached one 60C2h period later. With `torque_feedforward`
+  within the servo period after that, and is reached one 60C2h period later. With `torque_precontrol`
   (default) csv therefore is a pure dead time of T + 0.25 ms behind the line through the setpoints, without
   lag; with `csv_interpolation=False` of 0.25 ms behind the staircase of setpoints; with
-  `torque_feedforward=False` the lag T_vtc (2 ms) comes on top.
+  `torque_precontrol=False` the lag T_vtc (2 ms) comes on top.
 * csp: the same dead time; at constant velocity no following error, while accelerating with a about a *
   T_vtc / Kv.
 * Stops made by the drive (quick stop, shutdown, halt, fault) begin at the next servo instant; the state

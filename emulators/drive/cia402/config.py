@@ -12,17 +12,7 @@ from emulators.drive.cia402.faults.rules import COASTING_FAULTS
 from emulators.drive.cia402.quirks import EmcyCode, Quirks
 from emulators.drive.core import ServoTuning
 from emulators.drive.homing_config import HomingConfig
-from emulators.drive.keys import (
-    BlockedTime_ms,
-    BootTime_ms,
-    CsvInterpolation,
-    FollowingError,
-    MissingSetpoints,
-    PowerOnDelay_ms,
-    RatedTorque_nm,
-    SyncJitter_percent,
-    SyncLoss,
-)
+from emulators.drive.keys import BootKeys, Cia402Keys, PowerKeys, TorqueKeys
 from emulators.drive.machine import (
     BrakeConfig,
     EncoderConfig,
@@ -41,7 +31,7 @@ _SWITCHES: Final = SwitchesConfig()
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriveConfig:
+class DriveConfig(TorqueKeys, PowerKeys, BootKeys, Cia402Keys):
     """An emulated drive.
 
     Args:
@@ -54,25 +44,15 @@ class DriveConfig:
         brake: The holding brake.
         tuning: Gains of the cascade.
         rated_current_A: What 1000 permille of 6078h are, A.
-        rated_torque_nm: What 1000 permille of 6077h are, Nm.
         supply: DC link and mains.
         thermal: Temperatures and overload.
         safety: Safety inputs.
         self_test_s: From the boot-up frame to Switch on disabled, s; Not ready to switch on is visible
             for so long.
-        boot_time_ms: From power-on or reset to the boot-up frame.
-        power_on_delay_ms: Transition 3 takes this long (C402-173: 0 to 500).
-        blocked_time_ms: Torque limit at standstill for this long is the fault 7121h; 0 = not watched.
         limit_switch_reaction: `stop` with 6085h, `fault` 8612h, or `none`: the
             controller watches alone (C402-161).
-        following_error: `fault` 8611h or `status` bit 13 only (C402-153).
         slippage_reaction: pv: `status` bit 13 only, or `fault` 8400h as well (C402-159).
-        sync_loss: `fault` 8700h, `warning` or `none` (C301-037).
-        sync_jitter_percent: Part of 60C2h by which SYNC may come early or late in the cyclic modes before the
-            same reaction follows, 0 to 50; 0 = not watched (CANP-071).
-        missing_setpoints: Reaction 6007h after this many periods without setpoint; 0 = never (C402-104).
         homing: Options of homing in the drive.
-        csv_interpolation: Whether csv reaches the target linearly within 60C2h, or at once.
         coasting_faults: EMCY codes after which the drive cannot brake.
         eds: EDS file to present on the bus; None = that of this drive.
         storage: File in which stored parameters outlive the process; None = they do not.
@@ -92,22 +72,13 @@ class DriveConfig:
     brake: BrakeConfig = field(default_factory=BrakeConfig)
     tuning: ServoTuning = field(default_factory=ServoTuning)
     rated_current_A: float = 5.0
-    rated_torque_nm: RatedTorque_nm = 2.0
     supply: SupplyConfig = field(default_factory=SupplyConfig)
     thermal: ThermalConfig = field(default_factory=ThermalConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
     self_test_s: float = 0.0
-    boot_time_ms: BootTime_ms = 0.0
-    power_on_delay_ms: PowerOnDelay_ms = 0.0
-    blocked_time_ms: BlockedTime_ms = 0.0
     limit_switch_reaction: Literal["stop", "fault", "none"] = "stop"
-    following_error: FollowingError = "fault"
     slippage_reaction: Literal["fault", "status"] = "status"
-    sync_loss: SyncLoss = "fault"
-    sync_jitter_percent: SyncJitter_percent = 0.0
-    missing_setpoints: MissingSetpoints = 2
     homing: HomingConfig = field(default_factory=HomingConfig)
-    csv_interpolation: CsvInterpolation = True
     coasting_faults: frozenset[int] = COASTING_FAULTS
     eds: Path | None = None
     storage: Path | None = None

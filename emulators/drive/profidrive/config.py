@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
 
 from emulators.checked_fields import check_fields
 from emulators.drive.core import ServoTuning
-from emulators.drive.keys import BlockedTime_ms, PowerOnDelay_ms, RatedTorque_nm
+from emulators.drive.keys import PowerKeys, SpeedKeys, TelegramKeys, TorqueKeys
 from emulators.drive.machine import (
     BrakeConfig,
     EncoderConfig,
@@ -18,6 +20,7 @@ from emulators.drive.machine import (
     check_number,
 )
 from emulators.drive.positioner_config import PositionerSettings
+from emulators.drive.profidrive_settings import ProfidriveSettings
 from emulators.drive.safety_config import SafeMotionConfig
 from emulators.drive.second_encoder_config import SecondEncoderConfig
 from emulators.drive.supply import SupplyConfig
@@ -25,7 +28,7 @@ from emulators.drive.thermal import ThermalConfig
 from emulators.encoder.profidrive import EncoderFormat
 from fieldbus.clock import MS, US
 from fieldbus.errors import ConfigurationError
-from fieldbus.profidrive import FREE_CONFIGURATION, SAFETY_TELEGRAMS, Telegram, free_telegram, telegram
+from fieldbus.profidrive import FREE_CONFIGURATION, Telegram, free_telegram, telegram
 
 POSITION_TELEGRAMS = (7, 9, 110, 111, 112)
 """Telegrams of the basic positioner, which go with operating mode 2 (PD-032)."""
@@ -50,7 +53,7 @@ class DriveSettings:
     Args:
         operating_mode: PNU 930: 1 full ramp-function generator, 2 positioning, 3 reduced setpoint channel.
         reference_speed_rpm: p2000, what 4000h (4000 0000h) means, rpm.
-        reference_torque_Nm: p2003, Nm.
+        reference_torque_nm: p2003, Nm.
         max_speed_rpm: p1082, speed to which the ramp times refer, and limit of the setpoint, rpm.
         ramp_up_s: p1120, from 0 to p1082, s; 0 = at once.
         ramp_down_s: p1121, OFF1, s; 0 = at the torque limit.
@@ -69,7 +72,7 @@ class DriveSettings:
             both >= 0; None: p1520, p1521.
         momred_evaluation_percent: p1544.
         sign_of_life_tolerance: PNU 925; 65535 = not monitored.
-        setpoint_monitoring_s: p2040: without process data for so long F01910, s; 0 = not monitored.
+        setpoint_monitoring_ms: p2040: without process data for so long F01910, ms; 0 = not monitored.
         comparison_speed_rpm: ZSW1 bit 10 from here on.
         deviation_rpm: ZSW1 bit 8: tolerance of the speed, rpm.
         deviation_time_s: ... and for how long it has to be exceeded, s.
@@ -85,11 +88,11 @@ class DriveSettings:
 
     """
 
-    operating_mode: int = 3
-    reference_speed_rpm: float = 3000.0
-    reference_torque_Nm: float = 2.0
-    max_speed_rpm: float = 3000.0
-    ramp_up_s: float = 10.0
+    operating_mode: int = ProfidriveSettings.operating_mode
+    reference_speed_rpm: float = ProfidriveSettings.reference_speed_rpm
+    reference_torque_nm: float = ProfidriveSettings.reference_torque_nm
+    max_speed_rpm: float = SpeedKeys.max_speed_rpm
+    ramp_up_s: float = ProfidriveSettings.ramp_up_s
     ramp_down_s: float = 10.0
     quick_stop_s: float = 0.0
     speed_limits_rpm: tuple[float, float] = (210_000.0, 210_000.0)
@@ -103,8 +106,8 @@ class DriveSettings:
     torque_limits_Nm: tuple[float, float] = (6.0, 6.0)
     torque_limits_percent: tuple[float | None, float | None] = (None, None)
     momred_evaluation_percent: float = 100.0
-    sign_of_life_tolerance: int = 1
-    setpoint_monitoring_s: float = 0.1
+    sign_of_life_tolerance: int = ProfidriveSettings.sign_of_life_tolerance
+    setpoint_monitoring_ms: float = ProfidriveSettings.setpoint_monitoring_ms
     comparison_speed_rpm: float = 100.0
     deviation_rpm: float = 90.0
     deviation_time_s: float = 0.01
@@ -120,14 +123,14 @@ class DriveSettings:
     def __post_init__(self) -> None:
         if self.operating_mode not in (1, 2, 3):
             raise ConfigurationError("operating_mode (PNU 930)", self.operating_mode, "1, 2, 3")
-        for name in ("reference_speed_rpm", "reference_torque_Nm", "max_speed_rpm"):
+        for name in ("reference_speed_rpm", "reference_torque_nm", "max_speed_rpm"):
             check_number(name, getattr(self, name), positive=True)
         for name in (
             "ramp_up_s",
             "ramp_down_s",
             "quick_stop_s",
             "momred_evaluation_percent",
-            "setpoint_monitoring_s",
+            "setpoint_monitoring_ms",
             "comparison_speed_rpm",
             "deviation_rpm",
             "deviation_time_s",
@@ -161,13 +164,11 @@ class DriveSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProfidriveConfig:
+class ProfidriveConfig(TorqueKeys, PowerKeys, TelegramKeys):
     """An emulated PROFIdrive axis; knows no bus.
 
     Args:
         telegram: Number, one of `AXIS_TELEGRAMS`.
-        torque_telegram: Supplement 750 behind it.
-        safety_telegram: Supplement 700 or 701 behind them, the safety information channel; None = neither.
         free_setpoint: Signals of telegram 999, from the controller.
         free_actual: Signals of telegram 999, to the controller.
         isochronous: Operation with clock and sign of life; None = wherever the telegram has one (CFG-190)
@@ -182,18 +183,12 @@ class ProfidriveConfig:
         switches: Switches on the travel of a linear axis.
         encoder: The motor encoder; its counts are those of P979[2], without fine resolution.
         encoder2: The second encoder; None = not fitted: telegrams with G2 show it as parked.
-        fine_xist1: p0418, bits.
         fine_xist2: p0419, bits.
         brake: The holding brake.
         tuning: Gains of the cascade.
-        rated_torque_nm: Torque that the motor can supply continuously.
         supply: DC link and mains.
         thermal: Temperatures and overload.
         safety: Safety functions.
-        power_on_delay_ms: From S3 to S4 (PD-103).
-        blocked_time_ms: Torque limit at standstill for this long is F07900; 0 = not watched.
-        interpolation: Setpoints of operating mode 3 are reached linearly within the bus cycle; False: at
-            once.
         data_sets: Drive data sets 1, 2, ... that STW2 bits 0 to 4 can choose; `settings` is number 0. At
             most 31.
         control_lost: What the drive does when STW1 bit 10 goes in operation: it runs on with the last
@@ -206,8 +201,6 @@ class ProfidriveConfig:
     """
 
     telegram: int = 3
-    torque_telegram: bool = False
-    safety_telegram: int | None = None
     free_setpoint: tuple[str, ...] = ()
     free_actual: tuple[str, ...] = ()
     isochronous: bool | None = None
@@ -220,22 +213,18 @@ class ProfidriveConfig:
     switches: SwitchesConfig = field(default_factory=SwitchesConfig)
     encoder: EncoderConfig = field(default_factory=lambda: EncoderConfig(counts_per_revolution=2048))
     encoder2: SecondEncoderConfig | None = None
-    fine_xist1: int = 11
-    fine_xist2: int = 9
+    fine_xist2: Annotated[int, Ge(0), Le(20)] = 9
     brake: BrakeConfig = field(default_factory=BrakeConfig)
     tuning: ServoTuning = field(default_factory=ServoTuning)
-    rated_torque_nm: RatedTorque_nm = 2.0
     supply: SupplyConfig = field(default_factory=SupplyConfig)
     thermal: ThermalConfig = field(default_factory=ThermalConfig)
     safety: SafeMotionConfig = field(default_factory=SafeMotionConfig)
-    power_on_delay_ms: PowerOnDelay_ms = 0.0
-    blocked_time_ms: BlockedTime_ms = 0.0
-    interpolation: bool = True
     data_sets: tuple[DriveSettings, ...] = ()
     control_lost: Literal["run_on", "fault"] = "run_on"
     operation_while_braking: bool = False
 
     def __post_init__(self) -> None:
+        check_fields(self, "drive")
         if self.telegram not in AXIS_TELEGRAMS:
             raise ConfigurationError("telegram", self.telegram, ", ".join(map(str, AXIS_TELEGRAMS)))
         if self.telegram != FREE_CONFIGURATION and self.positions is not (
@@ -245,10 +234,6 @@ class ProfidriveConfig:
                 "operating_mode (PNU 930)",
                 self.settings.operating_mode,
                 f"2 with the telegrams {', '.join(map(str, POSITION_TELEGRAMS))}, 1 or 3 with the others",
-            )
-        if self.safety_telegram not in (None, *SAFETY_TELEGRAMS):
-            raise ConfigurationError(
-                "safety_telegram", self.safety_telegram, ", ".join(map(str, SAFETY_TELEGRAMS))
             )
         if len(self.data_sets) > 31:
             raise ConfigurationError("data_sets", len(self.data_sets), "at most 31")
@@ -271,13 +256,11 @@ class ProfidriveConfig:
             raise ConfigurationError(
                 "cycle_ns", self.cycle_ns, f"a multiple of servo_period_ns = {self.servo_period_ns}"
             )
-        check_fields(self, "drive")
-        for name in ("fine_xist1", "fine_xist2"):
-            if not 0 <= getattr(self, name) <= 20:
-                raise ConfigurationError(name, getattr(self, name), "0..20")
-        if self.encoder.counts_per_revolution << self.fine_xist1 > 1 << 31:
+        if self.encoder.counts_per_revolution << self.fine_resolution_bits > 1 << 31:
             raise ConfigurationError(
-                "encoder", f"{self.encoder.counts_per_revolution} * 2^{self.fine_xist1}", "at most 2^31"
+                "encoder",
+                f"{self.encoder.counts_per_revolution} * 2^{self.fine_resolution_bits}",
+                "at most 2^31",
             )
         self.encoder_format  # noqa: B018 - raises when the values do not fit together
         if self.isochronous and not self.build_telegram().isochronous:
@@ -312,8 +295,8 @@ class ProfidriveConfig:
         """The encoder with the counts of G1_XIST1."""
         return replace(
             self.encoder,
-            counts_per_revolution=self.encoder.counts_per_revolution << self.fine_xist1,
-            zero_mark_counts=self.encoder.zero_mark_counts << self.fine_xist1,
+            counts_per_revolution=self.encoder.counts_per_revolution << self.fine_resolution_bits,
+            zero_mark_counts=self.encoder.zero_mark_counts << self.fine_resolution_bits,
         )
 
     @property
@@ -322,8 +305,8 @@ class ProfidriveConfig:
         absolute = self.encoder.kind == "absolute"
         return EncoderFormat(
             periods=self.encoder.counts_per_revolution,
-            interpolation_bits=self.fine_xist1,
-            shift_xist1=self.fine_xist1,
+            interpolation_bits=self.fine_resolution_bits,
+            shift_xist1=self.fine_resolution_bits,
             shift_xist2=self.fine_xist2,
             revolutions=self.encoder.turns if absolute else 0,
             load_absolute=absolute,

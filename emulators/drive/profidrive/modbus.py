@@ -9,9 +9,12 @@ client reads is of that moment. Import this module, not the package, for it: it 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
+from annotated_types import Ge, Le
+
+from emulators.checked_fields import check_fields
+from emulators.drive.keys import BootKeys, ModbusKeys
 from emulators.drive.profidrive.bus_drive import DriveOnBus
 from emulators.drive.profidrive.config import ProfidriveConfig
 from emulators.drive.profidrive.parameters.access import ChannelError, ParameterChannel
@@ -51,41 +54,35 @@ _BITS: Final = 11
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProfidriveModbusConfig:
-    """A PROFIdrive axis on Modbus.
+class ProfidriveModbusConfig(ModbusKeys, BootKeys):
+    """A PROFIdrive axis on Modbus. Its unit is one of a serial line, 1..247; over TCP every unit is answered
+    (MODB-040).
 
     Args:
-        unit: Address on a serial line, 1..247. Over TCP every unit is answered (MODB-040).
-        registers: Name of a shipped register map, or a file.
         drive: The drive. It is isochronous only if `drive.isochronous` is True: the client then writes
             one telegram with a sign of life in every cycle of the drive.
-        setpoint_monitoring_s: p2040: without access to process data for so long F01910, s; 0 = off; None
+        setpoint_monitoring_ms: p2040: without access to process data for so long F01910, ms; 0 = off; None
             = the register map's time.
-        processing_ns: From a request to its response, ns.
         parameter_latency_ns: From a request of data record 47 to its answer, ns.
-        boot_time_s: From power-on to the first response, s.
 
     Raises:
         ConfigurationError: A value is out of range.
 
     """
 
-    unit: int = 1
-    registers: str | Path = "sinamics_g120"
     drive: ProfidriveConfig = field(default_factory=lambda: ProfidriveConfig(telegram=1))
-    setpoint_monitoring_s: float | None = None
-    processing_ns: int = 1 * MS
-    parameter_latency_ns: int = 20 * MS
-    boot_time_s: float = 0.0
+    setpoint_monitoring_ms: Annotated[float, Ge(0.0), Le(2_000_000.0)] | None = None
+    parameter_latency_ns: Annotated[int, Ge(0)] = 20 * MS
 
     def __post_init__(self) -> None:
         if not 1 <= self.unit <= 247:
             raise ConfigurationError("unit", self.unit, "1..247")
-        if self.setpoint_monitoring_s is not None and not 0.0 <= self.setpoint_monitoring_s <= 2000.0:
-            raise ConfigurationError("setpoint_monitoring_s", self.setpoint_monitoring_s, "0..2000")
-        for name in ("processing_ns", "parameter_latency_ns", "boot_time_s"):
-            if not getattr(self, name) >= 0:
-                raise ConfigurationError(name, getattr(self, name), ">= 0")
+        check_fields(self, "drive on Modbus")
+
+    @property
+    def processing_ns(self) -> int:
+        """From a request to its response, ns."""
+        return round(self.processing_ms * MS)
 
 
 class ProfidriveModbusDrive(DriveOnBus):
@@ -116,11 +113,11 @@ class ProfidriveModbusDrive(DriveOnBus):
         history: History | None = None,
         rng: np.random.Generator | None = None,
     ) -> None:
-        file = load_map(config.registers)
-        limit_s = config.setpoint_monitoring_s
+        file = load_map(config.map)
+        limit_ms = config.setpoint_monitoring_ms
         settings = replace(
             config.drive.settings,
-            setpoint_monitoring_s=file.timeout_ms / 1000.0 if limit_s is None else limit_s,
+            setpoint_monitoring_ms=float(file.timeout_ms) if limit_ms is None else limit_ms,
         )
         own = replace(config.drive, settings=settings, isochronous=bool(config.drive.isochronous))
         super().__init__(scheduler, own, name=name, history=history, rng=rng)
@@ -279,10 +276,8 @@ class ProfidriveModbusDrive(DriveOnBus):
             self.server.unit = int(self.parameters.store.value(918))
         self.registers.restart()
         self.channel.reset()
-        if self.modbus_config.boot_time_s:
-            self._boot_timer = self.scheduler.after(
-                seconds_to_ns(self.modbus_config.boot_time_s), self._booted
-            )
+        if self.modbus_config.boot_time_ms:
+            self._boot_timer = self.scheduler.after(round(self.modbus_config.boot_time_ms * MS), self._booted)
         self._show_supply()
 
     def _booted(self) -> None:

@@ -17,7 +17,7 @@ from emulators.drive.profidrive.process_data import ProcessData
 from emulators.drive.profidrive.safety.functions import SafetyFunctions
 from emulators.drive.profidrive.torque import TorqueLimits
 from emulators.drive.protection import WindowTimer
-from fieldbus.clock import Scheduler, seconds_to_ns
+from fieldbus.clock import MS, Scheduler
 from fieldbus.profidrive.sign_of_life import SignOfLife
 
 _OVERSPEED: Final = 1.2
@@ -100,8 +100,8 @@ class Monitors:
     def _look_at_bus(self, now: int) -> None:
         """Notice that telegrams or the clock are missing (PD-030, PD-292)."""
         faults = self._faults
-        limit_s = self._settings.setpoint_monitoring_s
-        if limit_s and now - self._data.received_at_ns > seconds_to_ns(limit_s):
+        limit_ms = self._settings.setpoint_monitoring_ms
+        if limit_ms and now - self._data.received_at_ns > round(limit_ms * MS):
             faults.keep(numbers.SETPOINT_TIMEOUT, self._silent)
             self._raise_fault(numbers.SETPOINT_TIMEOUT)
         signs = self._signs
@@ -114,8 +114,8 @@ class Monitors:
                 self._raise_fault(numbers.CLOCK_FAILURE)
 
     def _silent(self) -> bool:
-        limit_s = self._settings.setpoint_monitoring_s
-        return bool(limit_s) and self._scheduler.now - self._data.received_at_ns > seconds_to_ns(limit_s)
+        limit_ms = self._settings.setpoint_monitoring_ms
+        return bool(limit_ms) and self._scheduler.now - self._data.received_at_ns > round(limit_ms * MS)
 
     # -- heat and supply -------------------------------------------------------------------------------
 

@@ -44,10 +44,10 @@ def motor_signals(core: ServoCore, settings: DriveSettings) -> dict[str, Getter]
         return to_n2(core.velocity / (settings.reference_speed_rpm * RPM))
 
     def torque() -> int:
-        return to_n2(core.torque / settings.reference_torque_Nm)
+        return to_n2(core.torque / settings.reference_torque_nm)
 
     def power() -> int:
-        rated = settings.reference_torque_Nm * settings.reference_speed_rpm * RPM
+        rated = settings.reference_torque_nm * settings.reference_speed_rpm * RPM
         return to_n2(core.torque * core.velocity / rated)
 
     return {
@@ -56,7 +56,7 @@ def motor_signals(core: ServoCore, settings: DriveSettings) -> dict[str, Getter]
         "NIST_B": speed_n4,
         "M_ACT": torque,
         "MIST_GLATT": torque,
-        "IAIST_GLATT": lambda: to_n2(abs(core.torque) / settings.reference_torque_Nm),
+        "IAIST_GLATT": lambda: to_n2(abs(core.torque) / settings.reference_torque_nm),
         "PIST_GLATT": power,
     }
 

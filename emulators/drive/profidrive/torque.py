@@ -59,7 +59,7 @@ class TorqueLimits:
         """Let the words of the telegram act; in every bus cycle while there are pulses."""
         if self._add_at >= 0:
             settings = self._settings
-            torque = from_n2(self._data.row[self._add_at]) * settings.reference_torque_Nm
+            torque = from_n2(self._data.row[self._add_at]) * settings.reference_torque_nm
             self._core.add_torque(
                 torque, self._steps if settings.speed_control_extended & _INTERPOLATES else 1
             )
@@ -103,12 +103,12 @@ class TorqueLimits:
         self._words = words
         settings = self._settings
         high, low = (
-            limit if share is None else 0.01 * share * settings.reference_torque_Nm
+            limit if share is None else 0.01 * share * settings.reference_torque_nm
             for limit, share in zip(settings.torque_limits_Nm, settings.torque_limits_percent, strict=True)
         )
         if self._add_at >= 0 and self._data.controlled_cyclically:
-            high = min(high, max(0.0, from_n2(high_word) * settings.reference_torque_Nm))
-            low = min(low, max(0.0, -from_n2(low_word) * settings.reference_torque_Nm))
+            high = min(high, max(0.0, from_n2(high_word) * settings.reference_torque_nm))
+            low = min(low, max(0.0, -from_n2(low_word) * settings.reference_torque_nm))
         factor = torque_factor(momred, settings.momred_evaluation_percent)
         self.upper_Nm = min(cap, high * factor)
         self.lower_Nm = min(cap, low * factor)

@@ -52,7 +52,7 @@ def machine(
     configuration = replace(
         reference,
         servo_period_ns=servo_us * US,
-        tuning=ServoTuning(velocity_time_constant_s=0.004, velocity_integral_time_s=0.04, position_gain=50.0),
+        tuning=ServoTuning(velocity_time_constant_ms=4.0, velocity_integral_time_s=0.04, position_gain=50.0),
         mechanics=replace(
             reference.mechanics,
             start_position_mm=start_mm,

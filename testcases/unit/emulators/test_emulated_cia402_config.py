@@ -82,7 +82,7 @@ def test_unknown_object_and_unfit_period_are_refused():
         CiA402Drive(scheduler, medium, DriveConfig(objects={(0x5000, 0): 1}), name="a")
     with pytest.raises(ConfigurationError, match="period_s"):
         CiA402Drive(
-            scheduler, medium, DriveConfig(tuning=ServoTuning(velocity_time_constant_s=0.0005)), name="b"
+            scheduler, medium, DriveConfig(tuning=ServoTuning(velocity_time_constant_ms=0.5)), name="b"
         )
 
 

@@ -142,8 +142,8 @@ def test_interpolated_velocity_is_followed_without_lag():
 
 
 def test_velocity_loop_time_constant_without_precontrol():
-    """With torque_feedforward off a velocity step is answered with T_vtc = 2 ms."""
-    core = build(tuning=ServoTuning(torque_feedforward=False), coulomb_friction=0.0, viscous_friction=0.0)
+    """With torque_precontrol off a velocity step is answered with T_vtc = 2 ms."""
+    core = build(tuning=ServoTuning(torque_precontrol=False), coulomb_friction=0.0, viscous_friction=0.0)
     core.enable_pulses()
     core.command_velocity(100.0 * RPM, 1)
     run(core, 0.002 + 2 * DT)
@@ -338,7 +338,7 @@ def test_the_same_run_twice_is_identical():
 @pytest.mark.parametrize(
     "options",
     [
-        {"velocity_time_constant_s": 0.0},
+        {"velocity_time_constant_ms": 0.0},
         {"position_gain": -1.0},
         {"velocity_feedforward": 1.5},
         {"inertia_kgm2": 0.0},
@@ -354,4 +354,4 @@ def test_impossible_tunings_are_refused(options):
 def test_servo_period_must_suit_the_velocity_loop():
     """A servo period near T_vtc would be unstable and is refused."""
     with pytest.raises(ConfigurationError, match="period_s"):
-        build(tuning=ServoTuning(velocity_time_constant_s=0.0005))
+        build(tuning=ServoTuning(velocity_time_constant_ms=0.5))

@@ -31,7 +31,7 @@ class ModbusRig:
         self.scheduler = VirtualScheduler()
         self.history = History(self.scheduler)
         own = ProfidriveConfig(telegram=1, settings=FAST) if drive is None else drive
-        self.config = ProfidriveModbusConfig(unit=UNIT, registers=registers, drive=own, **options)
+        self.config = ProfidriveModbusConfig(unit=UNIT, map=registers, drive=own, **options)
         self.drive = ProfidriveModbusDrive(self.scheduler, self.config, name="drive", history=self.history)
         self.first = load_map(registers).first
         if link == "tcp":

@@ -86,7 +86,7 @@ def test_other_settings(rig, parameters):
         assert parameters.store.value(number) == value
     assert settings.sign_of_life_tolerance == rig.drive.sign_of_life.tolerance == 5
     assert settings.jog_rpm == (75.0, -60.0)
-    assert settings.setpoint_monitoring_s == pytest.approx(0.25)
+    assert settings.setpoint_monitoring_ms == pytest.approx(250.0)
     assert settings.momred_evaluation_percent == 50.0
 
 
@@ -193,7 +193,7 @@ def test_what_a_commissioning_reads(time_constant_s, kv, vtc_ms):
     1000/min, ms.
     """
     config = ProfidriveConfig.reference()
-    tuning = replace(config.tuning, velocity_time_constant_s=time_constant_s)
+    tuning = replace(config.tuning, velocity_time_constant_ms=time_constant_s * 1000.0)
     parameters = DriveParameters(Rig(replace(config, tuning=tuning)).drive)
     assert parameters.read("r5276") == pytest.approx(kv)
     assert parameters.read("r5277") == pytest.approx(vtc_ms)
@@ -213,4 +213,4 @@ def test_interconnection_for_torque_limiting(rig, parameters):
     assert (parameters.read("p1544"), parameters.read("p2194")) == (100.0, 90.0)
     rig.enable()
     rig.cycle(0x047F)
-    assert rig.drive.torque_limit_Nm == pytest.approx(rig.drive.settings.reference_torque_Nm)
+    assert rig.drive.torque_limit_Nm == pytest.approx(rig.drive.settings.reference_torque_nm)

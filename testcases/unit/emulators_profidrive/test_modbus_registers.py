@@ -56,7 +56,7 @@ READ_ONLY = [
 @pytest.fixture
 def rig():
     """A drive with the G120's registers over TCP that nobody watches."""
-    return ModbusRig("tcp", setpoint_monitoring_s=0.0)
+    return ModbusRig("tcp", setpoint_monitoring_ms=0.0)
 
 
 @pytest.mark.parametrize(("register", "number", "sub_index", "scale", "low", "high"), SETTINGS)
@@ -101,7 +101,7 @@ def test_there_is_nothing_else(rig):
 @pytest.mark.requirement("PD-297", "PD-298", "PD-301", "PD-302")
 def test_words_beyond_the_second():
     """Ten words each way: with telegram 105 every signal stands in its register."""
-    rig = ModbusRig("tcp", drive=ProfidriveConfig.reference(telegram=105), setpoint_monitoring_s=0.0)
+    rig = ModbusRig("tcp", drive=ProfidriveConfig.reference(telegram=105), setpoint_monitoring_ms=0.0)
     words = [READY, 0x1234, 0x5678, 0x9000, 0x1111, 0x8000, 0x0001, 0x0002, 0x0003, 0x0004]
     for register, word in zip(range(40100, 40110), words, strict=True):
         assert rig.write_one(register, word) == "done"
@@ -121,7 +121,7 @@ def test_words_beyond_the_second():
 @pytest.mark.requirement("PD-304", "PD-305", "PD-306", "PD-303")
 def test_terminals():
     """Inputs show the switches and what a test puts on the analog ones, outputs what was written."""
-    rig = ModbusRig("tcp", drive=ProfidriveConfig.reference(telegram=1), setpoint_monitoring_s=0.0)
+    rig = ModbusRig("tcp", drive=ProfidriveConfig.reference(telegram=1), setpoint_monitoring_ms=0.0)
     assert rig.read(40240, 6) == [0, 0, 0, 0, 0, 0]
     rig.drive.force_input("home", True)
     assert rig.read(40240, 6) == [0, 0, 1, 0, 0, 0]
@@ -208,7 +208,7 @@ def test_faults_alarms_and_the_error_code(rig):
     assert rig.read(40322) == "exception 4"
     assert rig.read(40499) == [0x65]
     rig.drive.parameters.store.refusals.clear()
-    ModbusRig.enable(other := ModbusRig("tcp", setpoint_monitoring_s=0.0))
+    ModbusRig.enable(other := ModbusRig("tcp", setpoint_monitoring_ms=0.0))
     assert other.write(40324, 2000) == "exception 4"  # p2000 with pulses
     assert other.read(40499) == [0x77]
 
@@ -222,7 +222,7 @@ def test_valid_registers_of_a_refused_write(rig):
 
 def test_the_style_of_the_g220():
     """Control words begin at 40150, and there are no parameters but those of data record 47."""
-    rig = ModbusRig("tcp", registers="sinamics_g220", setpoint_monitoring_s=0.0)
+    rig = ModbusRig("tcp", registers="sinamics_g220", setpoint_monitoring_ms=0.0)
     assert rig.write(40150, READY, 0) == "done"
     rig.scheduler.run_for(20 * MS)
     assert rig.write(40150, RUN, to_n2(0.1), 0, 0, 0x0815) == "done"
@@ -239,7 +239,7 @@ def test_times_of_the_line():
     """p2024: longest processing, character delay, pause; 0 is what the rate says; what the rate does not
     allow is refused.
     """
-    rig = ModbusRig("rtu", format_=SerialFormat(38400), setpoint_monitoring_s=0.0)
+    rig = ModbusRig("rtu", format_=SerialFormat(38400), setpoint_monitoring_ms=0.0)
     store = rig.drive.parameters.store
 
     def answered(pause_us):
@@ -297,7 +297,7 @@ def test_the_current_limit():
     """p0640 caps the torque: the rated current gives the rated torque. At the start it is above what the
     limits need.
     """
-    rig = ModbusRig("tcp", setpoint_monitoring_s=0.0)
+    rig = ModbusRig("tcp", setpoint_monitoring_ms=0.0)
     store = rig.drive.parameters.store
     assert rig.read(40321) == [132]  # 6 Nm are 6.6 A
     store.write(640, 2.2)
@@ -321,7 +321,7 @@ def test_several_drives_on_one_line():
     drives = {}
     for unit in (1, 2, 247):
         config = ProfidriveModbusConfig(
-            unit=unit, drive=ProfidriveConfig(telegram=1, settings=FAST), setpoint_monitoring_s=0.0
+            unit=unit, drive=ProfidriveConfig(telegram=1, settings=FAST), setpoint_monitoring_ms=0.0
         )
         drives[unit] = ProfidriveModbusDrive(scheduler, config, name=f"drive {unit}")
         drives[unit].attach(line)

@@ -305,7 +305,7 @@ def test_power_off_forgets_the_home_position_of_an_incremental_encoder():
     for kind, homed in (("incremental", False), ("absolute", True)):
         rig = PositionRig()
         config = replace(
-            rig.config, encoder=replace(rig.config.encoder, kind=kind), fine_xist1=7, fine_xist2=7
+            rig.config, encoder=replace(rig.config.encoder, kind=kind), fine_resolution_bits=7, fine_xist2=7
         )
         Rig.__init__(rig, config)
         rig.enable_axis()

@@ -28,7 +28,7 @@ class Node:
         )
         self.store = self.drive.slave.store
         self.drive.power_on()
-        self.drive.drive.settings.setpoint_monitoring_s = 0.0
+        self.drive.drive.settings.setpoint_monitoring_ms = 0.0
         self.scheduler.run_for(10 * MS)
         segment.attach("controller", lambda frame, time_ns: None).send(
             CanFrame(0, bytes((NmtCommand.START, 9)))

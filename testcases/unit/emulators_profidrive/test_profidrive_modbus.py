@@ -95,8 +95,8 @@ def test_the_time_is_that_of_the_map_of_the_configuration_or_of_p2040():
     """
     for options, expected_ms in (
         ({}, 100.0),
-        ({"setpoint_monitoring_s": 0.5}, 500.0),
-        ({"setpoint_monitoring_s": 0.0}, 0.0),
+        ({"setpoint_monitoring_ms": 500.0}, 500.0),
+        ({"setpoint_monitoring_ms": 0.0}, 0.0),
     ):
         rig = ModbusRig("tcp", **options)
         assert rig.drive.parameters.store.value(2040) == expected_ms
@@ -276,7 +276,7 @@ def test_supply(rig):
 
 def test_boot_time():
     """It is silent until it has booted."""
-    rig = ModbusRig("rtu", boot_time_s=0.4)
+    rig = ModbusRig("rtu", boot_time_ms=400.0)
     assert rig.read(40100) is Outcome.TIMEOUT
     assert rig.read(40100) == [0]
 

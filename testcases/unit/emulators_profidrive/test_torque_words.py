@@ -57,7 +57,7 @@ def test_telegram_750_counts_in_p2003():
     """With p2003 = 40 Nm 1000h of M_ADD1 is 10 Nm: limits and actual torque have the same measure, in both
     directions.
     """
-    rig = build(torque_telegram=True, reference_torque_Nm=40.0, torque_limits_Nm=(100.0, 100.0))
+    rig = build(torque_telegram=True, reference_torque_nm=40.0, torque_limits_Nm=(100.0, 100.0))
     rig.enable()
     rig.drive.mechanics.jam(True)
     rig.cycle(RUN, M_ADD1=0x1000)

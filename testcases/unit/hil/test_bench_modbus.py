@@ -346,7 +346,7 @@ def test_the_time_out_is_written_where_the_map_has_it():
     with bench(replace=changes) as machine:
         words = [machine.decode(entry[2]) for entry in machine.trace().raw_frames("net0")]
         assert any("16 write multiple registers 0190h = 00FA 0000" in text for text in words)
-        assert machine.drive().drive.settings.setpoint_monitoring_s == 0.25
+        assert machine.drive().drive.settings.setpoint_monitoring_ms == 250.0
 
 
 # -- parameters

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 
 import pytest
@@ -22,7 +23,7 @@ def bench(variables=(), profidrive=(), **drive):
     config = load_bench("profidrive").config
     section = config.drive["drive1"]
     section = section.model_copy(
-        update={"profidrive": section.profidrive.model_copy(update=dict(profidrive)), **drive}
+        update={"profidrive": replace(section.profidrive, **dict(profidrive)), **drive}
     )
     axis = config.axis["axis1"]
     merged = {

@@ -5,6 +5,7 @@ bench file.
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -32,7 +33,7 @@ def bench(name="profidrive", **changes):
     drive = config.drive["drive1"]
     variables = dict(changes.pop("variables", ()))
     if profidrive:
-        changes["profidrive"] = drive.profidrive.model_copy(update=profidrive)
+        changes["profidrive"] = replace(drive.profidrive, **profidrive)
     drive = drive.model_copy(update=changes)
     axis = config.axis["axis1"]
     axis = axis.model_copy(update={"variables": {**axis.variables, **variables}})

@@ -219,7 +219,10 @@ def test_the_speed_loop_is_a_lag_of_first_order(lag_s):
     """A step of the speed setpoint is followed as 1 - exp(-t / T_vtc)."""
     config = ProfidriveConfig.reference()
     tuning = replace(
-        config.tuning, velocity_time_constant_s=lag_s, torque_feedforward=False, velocity_integral_time_s=0.0
+        config.tuning,
+        velocity_time_constant_ms=lag_s * 1000.0,
+        torque_precontrol=False,
+        velocity_integral_time_s=0.0,
     )
     smooth = replace(config.mechanics, coulomb_friction_n=0.0, viscous_friction_n_per_m_s=0.0)
     rig = Rig(replace(config, tuning=tuning, interpolation=False, mechanics=smooth))
@@ -253,7 +256,7 @@ def test_the_additive_torque_between_two_telegrams():
         for _ in range(steps):
             rig.scheduler.run_for(config.servo_period_ns)
             offsets.append(rig.drive.core.torque_offset)
-        whole = 0.5 * config.settings.reference_torque_Nm
+        whole = 0.5 * config.settings.reference_torque_nm
         expected = [whole * (at + 1) / steps if interpolates else whole for at in range(steps)]
         assert offsets == pytest.approx(expected, abs=1e-3)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from motion.s7.axis import AxisState
@@ -212,9 +214,7 @@ def test_detection_with_and_without_a_torque_limit(telegram):
 
     drive = config.drive["drive1"].model_copy(update={"telegram": telegram})
     if telegram == 3:
-        drive = drive.model_copy(
-            update={"profidrive": drive.profidrive.model_copy(update={"torque_telegram": False})}
-        )
+        drive = drive.model_copy(update={"profidrive": replace(drive.profidrive, torque_telegram=False)})
     with Bench(config.model_copy(update={"drive": {"drive1": drive}}), seed=1) as machine:
         axis, limiting, moving = clamp(machine)
         assert moving.CommandAborted

@@ -369,7 +369,7 @@ def test_what_the_module_lacks_is_refused():
     for wrong in ({"telegram": 5}, {"torque_telegram": True}, {"sign_of_life": True}, {"variant": "own"}):
         with pytest.raises(ConfigurationError):
             pto_words(**wrong)
-    for wrong in ({"node_id": 0}, {"boot_time_s": -1.0}, {"cycle_ns": 0}):
+    for wrong in ({"node_id": 0}, {"boot_time_ms": -1.0}, {"cycle_ns": 0}):
         with pytest.raises(ConfigurationError):
             StepperNodeConfig(**wrong)
     with pytest.raises(ConfigurationError, match="servo_period_ns"):

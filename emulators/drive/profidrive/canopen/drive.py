@@ -10,9 +10,13 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
+
+from annotated_types import Ge, Le
 
 from emulators.canopen_node import CanopenNode
+from emulators.checked_fields import check_fields
+from emulators.drive.keys import BootKeys
 from emulators.drive.profidrive.bus_drive import DriveOnBus
 from emulators.drive.profidrive.canopen import objects
 from emulators.drive.profidrive.canopen.cia402_objects import Cia402Objects
@@ -28,7 +32,7 @@ from fieldbus.can.frame import CanSegment
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.canopen.nmt import NmtState
 from fieldbus.clock import Scheduler, seconds_to_ns
-from fieldbus.errors import ConfigurationError, HilError
+from fieldbus.errors import HilError
 from fieldbus.history import History
 
 if TYPE_CHECKING:
@@ -43,27 +47,22 @@ _REACTIONS: Final = {1: Off.OFF2, 2: Off.OFF2, 3: Off.OFF3}
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProfidriveNodeConfig:
+class ProfidriveNodeConfig(BootKeys):
     """A PROFIdrive axis on CANopen.
 
     Args:
         node_id: 1..127.
         drive: The drive.
-        boot_time_s: From power-on or reset to the boot-up frame, s.
         storage: File in which stored parameters outlive the process; None = they do not.
 
     """
 
-    node_id: int = 1
+    node_id: Annotated[int, Ge(1), Le(127)] = 1
     drive: ProfidriveConfig = field(default_factory=ProfidriveConfig)
-    boot_time_s: float = 0.0
     storage: Path | None = None
 
     def __post_init__(self) -> None:
-        if not 1 <= self.node_id <= 127:
-            raise ConfigurationError("node_id", self.node_id, "1..127")
-        if not self.boot_time_s >= 0.0:
-            raise ConfigurationError("boot_time_s", self.boot_time_s, ">= 0")
+        check_fields(self, "drive")
 
 
 class ProfidriveCanDrive(DriveOnBus):
@@ -108,7 +107,7 @@ class ProfidriveCanDrive(DriveOnBus):
             config.node_id,
             name=name,
             history=history,
-            boot_time_s=config.boot_time_s,
+            boot_time_s=config.boot_time_ms / 1000.0,
             storage=config.storage,
         )
         self.slave = self.node.slave

@@ -44,7 +44,8 @@ _SETTINGS: Final = {
     1409: "speed_control_extended",
     1544: "momred_evaluation_percent",
     2000: "reference_speed_rpm",
-    2003: "reference_torque_Nm",
+    2003: "reference_torque_nm",
+    2040: "setpoint_monitoring_ms",
     2194: "torque_threshold_percent",
 }
 """Parameters that are a setting of the drive, in the same unit."""
@@ -190,12 +191,10 @@ class DriveParameters:
     # -- settings --------------------------------------------------------------------------------------
 
     def _connect_settings(self) -> None:
-        store, settings = self.store, self.drive.settings
+        store = self.store
         for number, name in _SETTINGS.items():
             store.readers[number] = self._reader(name)
             store.writers[number] = self._writer(name, whole=number in _WHOLE)
-        store.readers[2040] = lambda _: settings.setpoint_monitoring_s * 1e3
-        store.writers[2040] = lambda _, value: self._take("setpoint_monitoring_s", value * 1e-3)
         for number, (pair, at, sign) in _PAIRS.items():
             store.readers[number] = self._pair_reader(pair, at, sign)
             store.writers[number] = self._pair_writer(pair, at, sign)
@@ -210,7 +209,7 @@ class DriveParameters:
             store.writers[number] = self._source_writer(number)
         self._connect_standstill_and_brake()
         # What the machine is made of is no setting.
-        store.set(418, self.drive.config.fine_xist1)
+        store.set(418, self.drive.config.fine_resolution_bits)
         store.set(419, self.drive.config.fine_xist2)
         store.locked.update((418, 419, 115))
         for at in range(2):
@@ -308,7 +307,7 @@ class DriveParameters:
             968: drive.words.zsw1,
             5276: lambda: 0.25 / core.tuning.velocity_time_constant_s * _PER_1000_MIN,
             5277: lambda: core.tuning.velocity_time_constant_s * 1e3,
-            2004: lambda: settings.reference_torque_Nm * settings.reference_speed_rpm * RPM * 1e-3,
+            2004: lambda: settings.reference_torque_nm * settings.reference_speed_rpm * RPM * 1e-3,
         }
         for number, get in shown.items():
             store.readers[number] = _computed(get)
