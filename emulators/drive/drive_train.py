@@ -113,6 +113,6 @@ def build_drive_train(
         mechanics=plant,
         encoder=model,
         switches=fitted,
-        digital_inputs=DigitalInputs(scheduler, fitted, filter_s=switches.input_filter_s),
+        digital_inputs=DigitalInputs(scheduler, fitted, filter_s=switches.filter_s),
         load_unit="m" if isinstance(mechanics, LinearAxisConfig) else "rad",
     )

@@ -22,15 +22,22 @@ class DigitalInputs:
     Args:
         scheduler: Time of the filter.
         switches: Switches by input name.
-        filter_s: Filter time of limit and home switches, s; 0 = none.
+        filter_s: Returns the filter time of an input by its name, s; 0 = none.
 
     """
 
-    def __init__(self, scheduler: Scheduler, switches: Mapping[str, SwitchModel], *, filter_s: float) -> None:
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        switches: Mapping[str, SwitchModel],
+        *,
+        filter_s: Callable[[str], float],
+    ) -> None:
         self._scheduler = scheduler
-        self._filter_ns = seconds_to_ns(filter_s)
+        self._filters_ns = {1 << INPUT_BITS[name]: seconds_to_ns(filter_s(name)) for name in switches}
         self._switches = {1 << INPUT_BITS[name]: switch for name, switch in switches.items()}
         self._timers: dict[int, Timer] = {}
+        self._followers: dict[int, list[Callable[[bool], object]]] = {}
         self._levels = 0
         self.fitted = sum(self._switches)
         """Bits that a switch is wired to."""
@@ -61,6 +68,20 @@ class DigitalInputs:
         self._levels = self._levels | bit if active else self._levels & ~bit
         self._set(self.value | bit if active else self.value & ~bit)
 
+    def follow(self, name: str, follower: Callable[[bool], object]) -> None:
+        """Bring the level of a switch to another input, too, as it is in front of the filter of this one:
+        now and after every change.
+
+        Args:
+            name: Input that the switch is wired to.
+            follower: Called with the level.
+
+        """
+        bit = 1 << INPUT_BITS[name]
+        self._followers.setdefault(bit, []).append(follower)
+        if bit in self._switches:
+            follower(self._switches[bit].state)
+
     def swap_limits(self, swapped: bool) -> None:
         """Exchange the wires of the two limit switches, which both have to be
         fitted, or put them right again.
@@ -76,18 +97,21 @@ class DigitalInputs:
             self._changed(bit)
 
     def _changed(self, bit: int) -> None:
-        if not self._filter_ns:
+        for follower in self._followers.get(bit, ()):
+            follower(self._switches[bit].state)
+        filter_ns = self._filters_ns[bit]
+        if not filter_ns:
             self._take(bit)
             return
         timer = self._timers.get(bit)
         if timer is not None:
             timer.cancel()
         if self._switches[bit].state is not bool(self.value & bit):
-            self._timers[bit] = self._scheduler.after(self._filter_ns, partial(self._take, bit))
+            self._timers[bit] = self._scheduler.after(filter_ns, partial(self._take, bit))
 
     def _probe_changed(self, bit: int, number: int) -> None:
         self.on_probe(number, self._switches[bit])
-        self._take(bit)
+        self._changed(bit)
 
     def _take(self, bit: int) -> None:
         self._set(self.value | bit if self._switches[bit].state else self.value & ~bit)

@@ -16,6 +16,7 @@ from emulators.checked_fields import BENCH_FILE_TABLE, NotNegative, Positive, ch
 from emulators.drive.brake import HoldingBrake
 from emulators.drive.keys import EncoderKind, IndexIncrements
 from emulators.encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder
+from emulators.input_filter import INPUT_FILTER_MS
 from emulators.mechanics import AxisMechanics, LinearAxisMechanics, RotaryAxisMechanics, SwitchModel
 from fieldbus.errors import ConfigurationError
 
@@ -76,8 +77,14 @@ class SwitchesConfig:
     """The same for touch probe 2; above `probe2_from_mm`."""
     hysteresis_mm: NotNegative = 0.5
     """Distance between switching on and off; touch probes have none."""
-    input_filter_ms: NotNegative = 0.0
+    input_filter_ms: NotNegative = INPUT_FILTER_MS
     """A limit or home switch counts when it has been stable for this long."""
+    negative_limit_filter_ms: NotNegative | None = None
+    """The same for the negative limit switch alone; none: `input_filter_ms`."""
+    positive_limit_filter_ms: NotNegative | None = None
+    """The same for the positive limit switch."""
+    home_filter_ms: NotNegative | None = None
+    """The same for the home switch."""
 
     def __post_init__(self) -> None:
         check_fields(self, "switches")
@@ -100,10 +107,21 @@ class SwitchesConfig:
         }
         return {name: cam for name, cam in cams.items() if cam != (None, None)}
 
-    @property
-    def input_filter_s(self) -> float:
-        """Time for which a limit or home switch has to be stable, s."""
-        return self.input_filter_ms / 1000.0
+    def filter_s(self, name: str) -> float:
+        """Return the time for which an input has to be stable, s; 0 for a probe.
+
+        Args:
+            name: Input, one of `INPUT_BITS`.
+
+        """
+        if name in PROBE_INPUTS:
+            return 0.0
+        own = {
+            "negative_limit": self.negative_limit_filter_ms,
+            "positive_limit": self.positive_limit_filter_ms,
+            "home": self.home_filter_ms,
+        }[name]
+        return (self.input_filter_ms if own is None else own) / 1000.0
 
     def build(self) -> dict[str, SwitchModel]:
         """Return new switches by input name, in the order of the inputs; probes are always there."""

@@ -249,7 +249,7 @@ class StepperDrive:
         plant, self.switches = build_machine(config.mechanics, config.switches)
         self.motor = StepperMotor(self.channel.generator, config.motor(plant.motor_inertia))
         self.mechanics = StepperTravel(config.mechanics, plant, self.motor)
-        self.digital_inputs = DigitalInputs(scheduler, self.switches, filter_s=config.switches.input_filter_s)
+        self.digital_inputs = DigitalInputs(scheduler, self.switches, filter_s=config.switches.filter_s)
         self.digital_inputs.on_change = self._on_inputs
         self.digital_inputs.on_probe = self._on_probe
         self.on_inputs: Callable[[], object] | None = None

@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
+from emulators.input_filter import INPUT_FILTER_MS
 from fieldbus.clock import MS, Scheduler, Timer
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 
@@ -54,7 +55,7 @@ class DigitalInput(_DigitalChannel):
 
     """
 
-    def __init__(self, scheduler: Scheduler, filter_ms: float = 3.0) -> None:
+    def __init__(self, scheduler: Scheduler, filter_ms: float = INPUT_FILTER_MS) -> None:
         if not 0 <= filter_ms <= _LONGEST_FILTER_MS:
             raise ConfigurationError("digital input, filter_ms", filter_ms, f"0..{_LONGEST_FILTER_MS:g}")
         super().__init__()

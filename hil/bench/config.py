@@ -179,6 +179,22 @@ class BenchConfig(Table, frozen=True):
             return drive.station(axis.drive, self.station)
         return axis.inputs
 
+    def input_filter_s(self, name: str, switch: str) -> float:
+        """Return the filter time of the input at which a switch counts for an axis, s.
+
+        Args:
+            name: Axis.
+            switch: `negative_limit`, `positive_limit` or `home`.
+
+        """
+        drive = self.axis[name].drive
+        station = self.station.get(self.inputs_of_axis(name) or "")
+        channel = None if station is None else station.wire("digital_inputs", f"{drive}.{switch}")
+        if station is not None and channel is not None:
+            return station.filter_s(channel)
+        table = self.drive[drive]
+        return table.switches.filter_s(switch) if isinstance(table, WITH_SWITCHES) else 0.0
+
     @property
     def modbus_drives(self) -> Iterator[tuple[str, ProfidriveModbusTable]]:
         """Drives on Modbus with their names."""

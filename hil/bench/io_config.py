@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from emulators.input_filter import INPUT_FILTER_MS
 from fieldbus.clock import MS
 from hil.bench._table import Table
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 LIMITS: Final = ("negative_limit", "positive_limit", "home")
 """Terminals of a drive that are switches of an axis."""
-_SWITCH_BITS: Final = {"negative_limit": 0, "positive_limit": 1, "home": 2, "probe1": 16, "probe2": 17}
+_FilterMs = Annotated[float, Field(ge=0.0, le=1000.0)]
 Channels = Literal["digital_inputs", "digital_outputs", "analog_outputs", "counters"]
 
 
@@ -77,12 +78,23 @@ class StationTable(Table, frozen=True):
     """`DRIVE.setpoint` of an analog drive, or nothing; ±10 V."""
     counters: tuple[str, ...] = ()
     """`DRIVE.encoder`, or nothing."""
-    input_filter_ms: Annotated[float, Field(ge=0.0, le=1000.0)] = 3.0
-    """Filter of the digital inputs."""
+    input_filter_ms: _FilterMs = INPUT_FILTER_MS
+    """Filter of the digital inputs: a level counts when it has been stable for this long."""
+    input_filters_ms: tuple[_FilterMs, ...] = ()
+    """Filter of each channel of `digital_inputs` on its own; left out: `input_filter_ms`."""
     watchdog_ms: Annotated[float, Field(ge=0.0, le=60_000.0)] = 100.0
     """Time without a request that writes after which the outputs are off; 0 = never."""
     processing_ms: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.2
     """From a request to its response."""
+
+    @model_validator(mode="after")
+    def _one_filter_each(self) -> StationTable:
+        if self.input_filters_ms and len(self.input_filters_ms) != len(self.digital_inputs):
+            raise ValueError(
+                f"input_filters_ms: {len(self.input_filters_ms)} values; allowed: one for each of the "
+                f"{len(self.digital_inputs)} digital_inputs"
+            )
+        return self
 
     @property
     def wires(self) -> dict[Channels, tuple[str, ...]]:
@@ -99,6 +111,16 @@ class StationTable(Table, frozen=True):
         wires = self.wires[channels]
         return wires.index(terminal) if terminal in wires else None
 
+    def filter_s(self, channel: int) -> float:
+        """Return the filter time of a digital input, s.
+
+        Args:
+            channel: Its number, from 0.
+
+        """
+        own = self.input_filters_ms
+        return (own[channel] if own else self.input_filter_ms) / 1000.0
+
     def build(self, site: DeviceSite, drives: Mapping[str, Any]) -> WiredStation:
         """Return the station, wired to the drives.
 
@@ -114,7 +136,10 @@ class StationTable(Table, frozen=True):
 
         station = ModbusIoStation(
             site.scheduler,
-            digital_inputs=[self._input(site.scheduler, wire, drives) for wire in self.digital_inputs],
+            digital_inputs=[
+                self._input(site.scheduler, channel, wire, drives)
+                for channel, wire in enumerate(self.digital_inputs)
+            ],
             digital_outputs=[DigitalOutput(at(wire, "set_enable")) for wire in self.digital_outputs],
             analog_inputs=[
                 AnalogInput(site.scheduler, 0.0, 10.0, bipolar=True, rng=site.rng)
@@ -132,15 +157,15 @@ class StationTable(Table, frozen=True):
         )
         return WiredStation(site.scheduler, station, processing_ns=round(self.processing_ms * MS))
 
-    def _input(self, scheduler: Scheduler, wire: str, drives: Mapping[str, Any]) -> DigitalInput:
+    def _input(self, scheduler: Scheduler, number: int, wire: str, drives: Mapping[str, Any]) -> DigitalInput:
         from emulators.io import DigitalInput
 
-        channel = DigitalInput(scheduler, filter_ms=self.input_filter_ms)
+        channel = DigitalInput(scheduler, filter_ms=self.filter_s(number) * 1000.0)
         drive, _, terminal = wire.partition(".")
         if terminal == "ready":
             drives[drive].on_ready.append(channel.set)
         elif terminal:
-            _follow_switch(drives[drive], terminal, channel.set)
+            drives[drive].digital_inputs.follow(terminal, channel.set)
         return channel
 
     def build_link(
@@ -171,19 +196,6 @@ class StationTable(Table, frozen=True):
         wires = {one: self.wire("digital_inputs", f"{drive}.{one}") for one in LIMITS}
         channels = {one: number for one, number in wires.items() if number is not None}
         return StationInputs(link, channels) if channels else None
-
-
-def _follow_switch(drive: Any, switch: str, follow: Callable[[bool], object]) -> None:
-    """Let a channel have the level of a switch, whatever the drive makes of its own input."""
-    inputs = drive.digital_inputs
-    bit = 1 << _SWITCH_BITS[switch]
-    before = inputs.on_change
-
-    def changed(old: int) -> None:
-        before(old)
-        follow(bool(inputs.value & bit))
-
-    inputs.on_change = changed
 
 
 def _counter(wire: str, drives: Mapping[str, Any]) -> CounterInput:

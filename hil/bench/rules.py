@@ -66,6 +66,8 @@ class AxisFacts:
         station = config.inputs_of_axis(name)
         self.wires = None if station is None else config.station[station].digital_inputs
         """Wires of the digital inputs of its station; None: its switches count at the drive."""
+        self.filters_s = {side: config.input_filter_s(name, f"{side}_limit") for side in _SIDES}
+        """Filter time of the inputs at which the limit switches count, by side."""
         self.from_drive = (config.encoders_of_axis(name) or (self.drive_name,))[0] == self.drive_name
         """Whether the first encoder of the axis is that of the drive."""
         with located(f"axis.{name}"):
@@ -334,12 +336,26 @@ def _start_position(axis: AxisFacts) -> Iterator[str]:
             yield f"the load starts at {start:g} mm, on the {side} limit switch at {place:g} mm"
 
 
-def _too_short(axis: AxisFacts, needed_mm: float) -> Iterator[str]:
-    """Yield the limit switches behind which the way is too short, in words: nothing, or all of them."""
-    short = {side: gap for side, _, _, gap in axis.gaps_mm() if 0.0 < gap < needed_mm}
-    if short:
+def _too_short(axis: AxisFacts, needed_mm: Callable[[float], float]) -> Iterator[str]:
+    """Yield what is needed behind limit switches and is not there, in words, the same need in one sentence.
+
+    Args:
+        axis: Axis.
+        needed_mm: Returns the way that has to be free behind a switch, mm, by the time that passes before
+            the switch is seen, s.
+
+    """
+    found: dict[float, dict[str, float]] = {}
+    for side, _, _, gap in axis.gaps_mm():
+        needed = needed_mm(axis.filters_s[side])
+        if 0.0 < gap < needed:
+            found.setdefault(needed, {})[side] = gap
+    for needed, short in found.items():
         ways = " and ".join(f"{gap:g} mm" for gap in dict.fromkeys(short.values()))
-        yield f"the {' and the '.join(short)} limit switch, and the end stop comes after {ways}"
+        yield (
+            f"needs {needed:.4g} mm behind the {' and the '.join(short)} limit switch, and the end stop "
+            f"comes after {ways}"
+        )
 
 
 @_rule(
@@ -374,11 +390,12 @@ def _stop_distance(axis: AxisFacts) -> Iterator[str]:
         deceleration = drive_ramp(axis.velocity, drive.max_speed_rpm / speed, time_s).peak_deceleration
     if deceleration <= 0.0:
         return
-    needed = unit * switch_clearance(
-        velocity, deceleration, filter_s=axis.switches.input_filter_ms / 1000.0, cycle_s=axis.cycle_s
-    )
-    for place in _too_short(axis, needed):
-        yield f"from {velocity * unit:g} mm/s {how} needs {needed:.4g} mm behind {place}"
+
+    def needed_mm(filter_s: float) -> float:
+        return unit * switch_clearance(velocity, deceleration, filter_s=filter_s, cycle_s=axis.cycle_s)
+
+    for need in _too_short(axis, needed_mm):
+        yield f"from {velocity * unit:g} mm/s {how} {need}"
 
 
 @_rule(
@@ -409,12 +426,14 @@ def _reversal_distance(axis: AxisFacts) -> Iterator[str]:
         return
     jerk = min(bind("DynamicDefaults.Jerk").value or math.inf, bind("DynamicLimits.MaxJerk").value)
     ramp = stop_ramp(velocity, deceleration, jerk if math.isfinite(jerk) else None)
-    delay_s = axis.switches.input_filter_ms / 1000.0 + axis.cycle_s
-    needed = unit * (velocity * delay_s + ramp.distance)
-    for place in _too_short(axis, needed):
+
+    def needed_mm(filter_s: float) -> float:
+        return float(unit * (velocity * (filter_s + axis.cycle_s) + ramp.distance))
+
+    for need in _too_short(axis, needed_mm):
         yield (
             f"active homing that turns round from {velocity * unit:g} mm/s with {deceleration * unit:g} "
-            f"mm/s² needs {needed:.4g} mm behind {place}"
+            f"mm/s² {need}"
         )
 
 

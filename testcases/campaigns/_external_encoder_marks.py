@@ -111,7 +111,7 @@ def _allowed_mm(ctx: CaseContext, places: Machine) -> float:
     """Return the way in the time of an input: two cycles and its filter (HOM-067), and how exactly the bench
     knows the edge, mm.
     """
-    filter_s = ctx.bench.config.drive[drive_name(ctx)].switches.input_filter_ms / 1000.0
+    filter_s = ctx.bench.config.input_filter_s(axis_name(ctx), "home")
     return _SPEED * (2.0 * ctx.bench.cycle_ns * 1e-9 + filter_s) + 2.0 * places.increment
 
 

@@ -146,10 +146,9 @@ def tolerance_mm(ctx: CaseContext, places: Machine, mark: str, velocity: float =
     """Return how far the assigned position may lie from the mark, mm: an increment, or for an input the way
     of its delay.
     """
-    section = ctx.bench.config.drive[drive_name(ctx)]
     if mark != "input":
         return 2.0 * places.increment
-    delay_s = 2.0 * ctx.bench.cycle_ns * 1e-9 + section.switches.input_filter_ms / 1000.0
+    delay_s = 2.0 * ctx.bench.cycle_ns * 1e-9 + ctx.bench.config.input_filter_s(axis_name(ctx), "home")
     return velocity * delay_s + 2.0 * places.increment
 
 

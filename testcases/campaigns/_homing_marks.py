@@ -124,7 +124,7 @@ def reversal(ctx: CaseContext, mark: str, direction: str, start: str) -> None:
     places = prepare(ctx, mark, direction=direction, approach=away, reversal=True)
     go_to(ctx, _start(places, start))
     if start == "above":
-        ctx.axis.write("Homing.ApproachVelocity", 180.0)
+        ctx.axis.write("Homing.ApproachVelocity", 120.0)
     since = ctx.now_s
     job = home(ctx)
     sign = SIGN[direction]

@@ -22,7 +22,7 @@ from hil.expect import (
     value_at,
 )
 from hil.record import EventSelector, event
-from testcases.campaigns._reactions import cycles
+from testcases.campaigns._reactions import cycles, detection_s
 from testcases.campaigns.support import (
     MAXIMUM_VELOCITY,
     VELOCITY,
@@ -160,7 +160,9 @@ def tell_stop(ctx: CaseContext, kind: Kind, side: str, jobs: list[Any], *, hit: 
     axis = axis_name(ctx)
     raised = alarm_raised(ctx, 531)
     ctx.expect(
-        alarm(531, reaction=kind.reaction, since=hit, within_s=cycles(ctx, 3), axis=axis).covers("LIM-031"),
+        alarm(531, reaction=kind.reaction, since=hit, within_s=detection_s(ctx, 3), axis=axis).covers(
+            "LIM-031"
+        ),
         status_word_bit(HARDWARE_BIT[side], True, at=raised.plus(cycles(ctx, 0.5)), axis=axis).covers(
             "LIM-039"
         ),
@@ -171,19 +173,36 @@ def tell_stop(ctx: CaseContext, kind: Kind, side: str, jobs: list[Any], *, hit: 
     )
     for job in jobs:
         ctx.expect(
-            job_output(job.name, "Error", since=hit, within_s=cycles(ctx, 3), error_id=0x8001).covers(
+            job_output(job.name, "Error", since=hit, within_s=detection_s(ctx, 3), error_id=0x8001).covers(
                 "LIM-037"
             )
         )
 
 
 def stopped_on_ramp(
-    ctx: CaseContext, kind: Kind, *, hit: EventSelector, until: float, moving: bool, homing: bool = False
+    ctx: CaseContext,
+    kind: Kind,
+    *,
+    hit: EventSelector,
+    until: float,
+    moving: bool,
+    homing: bool = False,
+    bounces_s: float = 0.0,
 ) -> None:
     """Expect the ramp of the reaction, and the machine within the way that reaction and detection take
     (LIM-029, LIM-036).
 
     A homing fails besides: its alarm 342 disables the axis at the end of the ramp, which 531 alone does not.
+
+    Args:
+        ctx: The case.
+        kind: What the switch is.
+        hit: When the input changed.
+        until: End of what is looked at, s.
+        moving: The axis moved when the input changed.
+        homing: It homed.
+        bounces_s: Longest time for which the input was not stable, s.
+
     """
     axis, drive = axis_name(ctx), drive_name(ctx)
     enabled = kind.stays_enabled and not homing
@@ -203,7 +222,7 @@ def stopped_on_ramp(
     if start is None or pressed is None:
         ctx.expect(state_at(axis, until, "a stop that has begun"))
         return
-    speed = abs(trace[f"{drive}.velocity"].at(pressed)) * 1000.0
+    speed, fastest = _speeds(trace[f"{drive}.velocity"], pressed, start)
     if kind.stays_enabled:
         expected = golden.stop_ramp(abs(trace[f"{axis}.actual_velocity"].at(start)), EMERGENCY)
         ctx.expect(
@@ -240,7 +259,7 @@ def stopped_on_ramp(
         )
     # What the machine builder has to leave free behind the switch: the way of the detection and of the ramp.
     braking = EMERGENCY if kind.stays_enabled else MAXIMUM_VELOCITY / OFF3_S
-    clear = golden.switch_clearance(speed, braking, detection_s=cycles(ctx, 5))
+    clear = golden.switch_clearance(fastest, braking, detection_s=detection_s(ctx, 5) + bounces_s)
     way = abs(trace[f"{drive}.position"].at(until) - trace[f"{drive}.position"].at(pressed)) * 1000.0
     ctx.measure(
         "travel of the machine behind the switch",
@@ -249,6 +268,14 @@ def stopped_on_ramp(
         low=golden.stop_distance(speed, braking) * 0.9,
         high=clear + allowed.distance_mm,
     )
+
+
+def _speeds(velocity: Any, pressed: float, start: float) -> tuple[float, float]:
+    """Return the speed at the switch, and the greatest one from there to the ramp, mm/s, of a velocity in
+    m/s.
+    """
+    speed = abs(velocity.at(pressed)) * 1000.0
+    return speed, max(speed, abs(velocity.at(start)) * 1000.0)
 
 
 def bit_at(ctx: CaseContext, bit: int, state: bool, at: float | None = None) -> Any:

@@ -36,7 +36,7 @@ from testcases.campaigns._limits import (
     tell_stop,
 )
 from testcases.campaigns._profiles import profile_of
-from testcases.campaigns._reactions import cycles
+from testcases.campaigns._reactions import cycles, detection_s
 from testcases.campaigns.support import (
     MAXIMUM_VELOCITY,
     VELOCITY,
@@ -103,7 +103,7 @@ def _retract(ctx: CaseContext, kind: str, side: str, press: Any, *, moved: bool)
     overtravelled = kind == "traversable" and moved
     if overtravelled:
         press.remove()
-        ctx.run_for(cycles(ctx, 3))
+        ctx.run_for(detection_s(ctx, 3))
         ctx.expect(bit_at(ctx, bit, True).covers("LIM-045"))
     acknowledge_and_enable(ctx)
     ctx.expect(bit_at(ctx, bit, True).covers("LIM-047"))
@@ -114,7 +114,7 @@ def _retract(ctx: CaseContext, kind: str, side: str, press: Any, *, moved: bool)
         ctx.expect(bit_at(ctx, bit, True))
         press.remove()
         # A traversable switch is left where it was met, or beyond: the position tells (LIM-046).
-        ctx.run_for(cycles(ctx, 4))
+        ctx.run_for(detection_s(ctx, 4))
     ctx.expect(bit_at(ctx, bit, False).covers("LIM-046" if kind == "traversable" else "LIM-055"))
     retracts(ctx, 5.0 * sign)
 
@@ -143,7 +143,7 @@ def remove_enable(ctx: CaseContext, side: str, reaction: str) -> None:
     hit = event("fault.applied")
     ctx.inject("switch.press", drive, input=f"{side}_limit")
     ctx.run_for((4.0 if reaction == "off2" else 0.9) + settle_s(ctx))
-    ctx.expect(alarm(531, reaction=4, since=hit, within_s=cycles(ctx, 3), axis=axis))
+    ctx.expect(alarm(531, reaction=4, since=hit, within_s=detection_s(ctx, 3), axis=axis))
     trace, allowed = ctx.trace(), tolerance(ctx)
     pressed = trace.instant(hit)
     position = trace[f"{drive}.position"]
@@ -163,7 +163,7 @@ def remove_enable(ctx: CaseContext, side: str, reaction: str) -> None:
         way,
         "mm",
         low=expected.distance,
-        high=expected.distance + VELOCITY * cycles(ctx, 5) + allowed.distance_mm,
+        high=expected.distance + VELOCITY * detection_s(ctx, 5) + allowed.distance_mm,
         requirements=("LIM-033", "LIM-107"),
     )
     ctx.expect(
@@ -176,7 +176,7 @@ def remove_enable(ctx: CaseContext, side: str, reaction: str) -> None:
             time_s=expected.time_s,
             time_tolerance_s=allowed.time_s,
             threshold=6.0,
-            delay_s=cycles(ctx, 5),
+            delay_s=detection_s(ctx, 5),
             distance=expected.distance * 0.001,
             distance_tolerance=allowed.distance_mm * 0.001,
         ).covers("LIM-107")
@@ -210,7 +210,7 @@ def during_stop(ctx: CaseContext, side: str, kind: str, mode: int) -> None:
     ctx.run_for(0.6 + settle_s(ctx))
     higher = not (wanted.stays_enabled and mode == 0)
     ctx.expect(
-        alarm(531, reaction=wanted.reaction, since=hit, within_s=cycles(ctx, 3), axis=axis),
+        alarm(531, reaction=wanted.reaction, since=hit, within_s=detection_s(ctx, 3), axis=axis),
         job_output(stop.name, "CommandAborted" if higher else "Done", since=hit).covers("LIM-037"),
         no_motion_after(ctx.now_s - 0.05, position=f"{drive_name(ctx)}.position", tolerance=0.00005),
     )
@@ -231,9 +231,11 @@ def disabled(ctx: CaseContext, side: str, kind: str) -> None:
     wanted = configure(ctx, kind)
     hit = event("fault.applied")
     press = ctx.inject("switch.press", drive, input=f"{side}_limit")
-    ctx.run_for(cycles(ctx, 5))
+    ctx.run_for(detection_s(ctx, 5))
     ctx.expect(
-        alarm(531, reaction=wanted.reaction, since=hit, within_s=cycles(ctx, 3), axis=axis).covers("LIM-042"),
+        alarm(531, reaction=wanted.reaction, since=hit, within_s=detection_s(ctx, 3), axis=axis).covers(
+            "LIM-042"
+        ),
         state_at(axis, ctx.now_s, "ALARM_DISABLED"),
         bit_at(ctx, bit, True),
     )
@@ -249,7 +251,7 @@ def disabled(ctx: CaseContext, side: str, kind: str) -> None:
     enable(ctx)
     retracts(ctx, -15.0 * sign)
     press.remove()
-    ctx.run_for(cycles(ctx, 4))
+    ctx.run_for(detection_s(ctx, 4))
     ctx.expect(bit_at(ctx, bit, False))
 
 

@@ -22,7 +22,7 @@ from testcases.campaigns._limits import (
     stopped_on_ramp,
     tell_stop,
 )
-from testcases.campaigns._reactions import cycles, disabled_by_alarm, stopped_for_good
+from testcases.campaigns._reactions import cycles, detection_s, disabled_by_alarm, stopped_for_good
 from testcases.campaigns.support import (
     VELOCITY,
     acknowledge,
@@ -80,6 +80,7 @@ def bounces(ctx: CaseContext, side: str, kind: str, pulses: int) -> None:
     ctx.inject(
         "switch.bounce", drive, input=f"{side}_limit", pulses=pulses, shortest_s=0.0015, longest_s=0.006
     )
+    longest_s = 2 * pulses * 0.006
     ctx.run_for(0.7 + settle_s(ctx))
     hit = event("fault.applied")
     ctx.expect(
@@ -87,7 +88,7 @@ def bounces(ctx: CaseContext, side: str, kind: str, pulses: int) -> None:
             HARDWARE,
             reaction=wanted.reaction,
             since=hit,
-            within_s=2 * pulses * 0.006 + cycles(ctx, 3),
+            within_s=longest_s + detection_s(ctx, 3),
             axis=axis,
         ).covers("LIM-105"),
         job_output(job.name, "Error", since=hit, error_id=0x8001),
@@ -95,7 +96,7 @@ def bounces(ctx: CaseContext, side: str, kind: str, pulses: int) -> None:
     )
     raised = sum(1 for one in ctx.trace().select(source=axis, kind="alarm.raised"))
     ctx.measure("alarms of one bouncing switch", raised, low=1, high=1, requirements=("LIM-031",))
-    stopped_on_ramp(ctx, wanted, hit=hit, until=ctx.now_s, moving=True)
+    stopped_on_ramp(ctx, wanted, hit=hit, until=ctx.now_s, moving=True, bounces_s=longest_s)
 
 
 @CASES.product(
@@ -116,7 +117,7 @@ def bounces_when_left(ctx: CaseContext, side: str, kind: str) -> None:
     press = ctx.inject("switch.press", drive, input=f"{side}_limit")
     ctx.run_for(0.6 + settle_s(ctx))
     press.remove()
-    ctx.run_for(cycles(ctx, 3))
+    ctx.run_for(detection_s(ctx, 3))
     acknowledge_and_enable(ctx)
     back = ctx.axis.move_velocity(-60.0 * sign, **DYNAMICS)
     ctx.run_for(0.1)
@@ -131,7 +132,7 @@ def bounces_when_left(ctx: CaseContext, side: str, kind: str) -> None:
     # Live, it had been left already: closing again it is met from the wrong side, which is a polarity that is
     # reversed.
     ctx.expect(
-        happens(_raised(ctx, 4), since=since, within_s=cycles(ctx, 4)).covers("LIM-055", "LIM-062"),
+        happens(_raised(ctx, 4), since=since, within_s=detection_s(ctx, 4)).covers("LIM-055", "LIM-062"),
         job_output(back.name, "Error", since=since, error_id=0x8001),
     )
 
@@ -291,7 +292,7 @@ def swapped(ctx: CaseContext, side: str, kind: str) -> None:
     acknowledge_and_enable(ctx)
     _runs_free(ctx, sign)
     press.remove()
-    ctx.run_for(cycles(ctx, 2))
+    ctx.run_for(detection_s(ctx, 2))
     _monitor(ctx, True)
     ctx.expect(no_alarm(since=ctx.now_s - 0.01, axis=axis))
 
@@ -315,7 +316,7 @@ def both(ctx: CaseContext, kind: str, motion: str) -> None:
     hit = event("fault.applied")
     ctx.run_for(0.6 + settle_s(ctx))
     ctx.expect(
-        happens(_raised(ctx, 5), since=hit, within_s=cycles(ctx, 3)).covers("LIM-061"),
+        happens(_raised(ctx, 5), since=hit, within_s=detection_s(ctx, 3)).covers("LIM-061"),
         bit_at(ctx, 17, True).covers("LIM-061"),
         bit_at(ctx, 18, True).covers("LIM-061"),
     )
@@ -384,6 +385,7 @@ def monitoring_off(ctx: CaseContext, side: str, kind: str) -> None:
     ctx.run_for(cycles(ctx, 1))
     ctx.expect(bit_at(ctx, bit, False).covers("LIM-052"))
     press.remove()
+    ctx.run_for(detection_s(ctx, 1))
     _monitor(ctx, True)
     retracts(ctx, 5.0 * sign)
 

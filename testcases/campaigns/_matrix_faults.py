@@ -12,7 +12,7 @@ from typing import Any, Final
 from hil.campaign import CaseContext
 from testcases.campaigns import modbus_faults
 from testcases.campaigns._profiles import encoder_increments_per_revolution
-from testcases.campaigns._reactions import cycles
+from testcases.campaigns._reactions import cycles, detection_s
 from testcases.campaigns.drive_faults import TRIPS
 from testcases.campaigns.support import (
     drive_name,
@@ -462,7 +462,7 @@ MACHINE: Final[dict[str, FaultWord]] = {
         kind="switch.press",
         options={"input": "positive_limit"},
         alarm=(531, 3),
-        within=_soon(3),
+        within=lambda ctx: detection_s(ctx, 3),
         after_s=1.2,
         recovers=False,
         requirements=("LIM-034", "STP-589"),

@@ -18,6 +18,15 @@ def cycles(ctx: CaseContext, number: float) -> float:
     return number * ctx.bench.cycle_ns * 1e-9 + float(ctx.bench.config.tolerance.time_s)
 
 
+def detection_s(ctx: CaseContext, number: float) -> float:
+    """Return the time of `number` cycles behind the filter of the limit switches, s (LIM-026)."""
+    filters = (
+        ctx.bench.config.input_filter_s(axis_name(ctx), switch)
+        for switch in ("negative_limit", "positive_limit")
+    )
+    return cycles(ctx, number) + max(filters)
+
+
 def stopped_for_good(ctx: CaseContext, ended: float) -> None:
     """Expect the machine itself at rest, and no motion afterwards."""
     ctx.expect(standstill(by=ended - 0.3, axis=axis_name(ctx), until=ended))

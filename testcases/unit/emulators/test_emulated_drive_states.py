@@ -428,7 +428,9 @@ def test_zero_decelerations_stand_for_the_maximum(bench, ramp_of):
 @pytest.mark.requirement("C402-168")
 def test_inputs_follow_the_switches(make_bench):
     """60FDh bits 0, 1, 2 are the limit switches and the home switch; forced inputs win."""
-    bench = make_bench(DriveConfig.reference(start_position_mm=-520.0))
+    bench = make_bench(
+        DriveConfig.reference(start_position_mm=-520.0, switches=SwitchesConfig(input_filter_ms=0.0))
+    )
     assert bench.read(0x60FD) == 0b100
     bench.drive.mechanics.place(-0.58)
     assert bench.read(0x60FD) == 0b101
@@ -449,7 +451,11 @@ def test_limit_switch_stops_the_axis(make_bench, direction):
     """Motion into a limit switch: stop with 6085h, bit 11, stays enabled; further in is refused, out is
     allowed.
     """
-    bench = make_bench(DriveConfig.reference(start_position_mm=400.0 * direction))
+    bench = make_bench(
+        DriveConfig.reference(
+            start_position_mm=400.0 * direction, switches=SwitchesConfig(input_filter_ms=0.0)
+        )
+    )
     bench.spin(1200 * direction)
     bench.until(lambda: bench.read(0x60FD) & 3, 2.0)
     edge = bench.drive.mechanics.position

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
+from emulators.drive.machine import SwitchesConfig
 from emulators.drive.profidrive import ProfidriveConfig
 from emulators.drive.profidrive.faults import catalogue as numbers
 from emulators.drive.profidrive.modbus import ProfidriveModbusConfig, ProfidriveModbusDrive
@@ -121,7 +123,8 @@ def test_words_beyond_the_second():
 @pytest.mark.requirement("PD-304", "PD-305", "PD-306", "PD-303")
 def test_terminals():
     """Inputs show the switches and what a test puts on the analog ones, outputs what was written."""
-    rig = ModbusRig("tcp", drive=ProfidriveConfig.reference(telegram=1), setpoint_monitoring_ms=0.0)
+    drive = replace(ProfidriveConfig.reference(telegram=1), switches=SwitchesConfig(input_filter_ms=0.0))
+    rig = ModbusRig("tcp", drive=drive, setpoint_monitoring_ms=0.0)
     assert rig.read(40240, 6) == [0, 0, 0, 0, 0, 0]
     rig.drive.force_input("home", True)
     assert rig.read(40240, 6) == [0, 0, 1, 0, 0, 0]

@@ -7,7 +7,8 @@ from __future__ import annotations
 from hil.bench.bench import Bench
 from hil.bench.bench_file import parse, read
 
-SWITCHES = {"home_from_mm": 100.0, "home_to_mm": 120.0, "hysteresis_mm": 0.0}
+SWITCHES = {"home_from_mm": 100.0, "home_to_mm": 120.0, "hysteresis_mm": 0.0, "input_filter_ms": 0.0}
+"""Without a filter, so that the place of an edge is that of the cam."""
 STEEP = {"DynamicDefaults.Jerk": 0.0, "DynamicDefaults.Deceleration": 1000.0}
 """Ramps without jerk limit, in which the numbers of the specification are calculated."""
 

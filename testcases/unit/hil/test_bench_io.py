@@ -382,6 +382,10 @@ WRONG = [
         ANALOG.replace('"drive1.home"]', '"drive1.door"]'),
         "station.io.digital_inputs[3]: 'drive1.door' is no terminal for it",
     ),
+    (
+        ANALOG.replace("input_filter_ms = 0.1", "input_filters_ms = [6.4, 6.4]"),
+        "station.io.input_filters_ms: 2 values; allowed: one for each of the 4 digital_inputs",
+    ),
     (ANALOG.replace('"drive1.home"]', '"drive2.home"]'), "'drive2' is not a drive; there are: drive1"),
     (
         ANALOG.replace('"drive1.home"]', '"drive1.ready"]'),

@@ -134,6 +134,41 @@ def test_the_resolution_of_an_axis_follows_the_encoder_of_its_drive(bench_file, 
         assert bench.trace()[f"{bench.drive_of(axis)}.position"].values[-1] == pytest.approx(0.02, abs=5e-5)
 
 
+def test_the_filter_that_counts_decides_how_far_an_axis_goes_behind_a_switch(subtests):
+    """300 mm/s are 0.3 mm/ms: the filter is that of the input at which a switch counts."""
+    station = """
+[segment.net1]
+kind = "modbus_tcp"
+[station.io]
+segment = "net1"
+digital_inputs = ["x_drive.negative_limit", "x_drive.positive_limit"]
+"""
+    fast = WATCHED.replace("200.0", "300.0")
+    at_io = (BENCH + station).replace('drive = "x_drive"', 'drive = "x_drive"\ninputs = "io"')
+    switches = "[drive.x_drive.switches]\n"
+    cases = {
+        "6.4 ms, as without a key": (BENCH, "", []),
+        "20 ms at one of them": (BENCH, switches + "positive_limit_filter_ms = 20.0\n", ["positive"]),
+        "20 ms at both": (BENCH, switches + "input_filter_ms = 20.0\n", ["negative", "positive"]),
+        "a station of 6.4 ms": (at_io, switches + "input_filter_ms = 20.0\n", []),
+        "a station of 20 ms": (
+            at_io.replace("digital", "input_filter_ms = 20.0\ndigital"),
+            "",
+            ["negative", "positive"],
+        ),
+        "a channel of 20 ms": (
+            at_io.replace("digital", "input_filters_ms = [20.0, 0.1]\ndigital"),
+            "",
+            ["negative"],
+        ),
+    }
+    for name, (bench, more, sides) in cases.items():
+        with subtests.test(name):
+            config = BenchFile("bench.toml", bench + fast + more).config
+            found = [one.sentence for one in findings(config) if one.rule.name == "stop-distance"]
+            assert [side for side in ("negative", "positive") if any(side in one for one in found)] == sides
+
+
 @pytest.mark.exhaustive
 def test_check_says_what_to_change_and_ends_with_1(bench_file, capsys):
     """A bench that cannot work is reported with axis, sentence, alarm and keys, on the terminal and as

@@ -73,7 +73,7 @@ def test_switches_index_and_homing_come_from_the_file():
         assert (probe2.low, probe2.high) == (-math.inf, -0.020)
         assert drive.config.encoder.zero_mark_counts == 2500
         assert (drive.config.homing.offset, drive.config.homing.move) == ("vendor", "zero")
-        assert drive.config.switches.input_filter_s == 0.0015
+        assert drive.config.switches.filter_s("home") == 0.0015
         assert [number for number in supported_methods(drive.config.homing) if number < 0] == [-4, -3, -1]
         assert [drive.peek(0x60E3, sub) for sub in (1, 2, 3, 4)] == [-4, -3, -1, 1]
         assert drive.inputs & 0x30004 == 0x4
@@ -161,7 +161,7 @@ def test_an_index_that_is_missing_as_a_fault():
 )
 def test_switches_that_are_wired_wrongly(kind, parameters, inputs):
     """Exchanged limit switches and an inverted home switch, until the fault is removed."""
-    with file().build() as bench:
+    with file(switches="input_filter_ms = 0.0").build() as bench:
         drive = bench.drive()
         drive.mechanics.place(-0.552)
         assert drive.inputs == 0b101

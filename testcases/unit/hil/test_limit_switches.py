@@ -10,6 +10,7 @@ from fieldbus.errors import ConfigurationError
 from hil.bench.bench import Bench
 from hil.bench.bench_file import parse, read
 from hil.expect import golden
+from hil.faults import Injector
 from testcases.unit.hil.homing_bench import homing_bench
 
 MS = 1_000_000
@@ -23,38 +24,49 @@ def raised(bench, number=531):
     return [one for one in bench.history.select(kind="alarm.raised") if one.data["number"] == number]
 
 
-def delay_ms(bench, offset_ms):
-    """Press the positive switch at an offset into the cycle; return the time until 531, and leave everything
-    as before.
-    """
+def reference(switches="", axis="", bench=""):
+    """Return the reference bench with more keys in its tables."""
+    text = read("reference")[1].replace("[drive.drive1.switches]\n", f"[drive.drive1.switches]\n{switches}\n")
+    text = text.replace('drive = "drive1"\n', f'drive = "drive1"\n{axis}\n')
+    return Bench(parse(text.replace("cycle_ms = 4\n", f"cycle_ms = 4\n{bench}\n"), "bench.toml"), seed=1)
+
+
+def delay_ms(bench, offset_ms, side="positive"):
+    """Press a switch at an offset into the cycle; return the time until 531; everything is as before then."""
     drive, axis = bench.drive(), bench.axis()
     cycle = bench.cycle_ns
     at = (bench.scheduler.now // cycle + 2) * cycle + round(offset_ms * MS)
-    bench.scheduler.at(at, lambda: drive.force_input("positive_limit", True))
+    bench.scheduler.at(at, lambda: drive.force_input(f"{side}_limit", True))
     before = len(raised(bench))
     assert bench.run_until(lambda: len(raised(bench)) > before, 0.2)
     found = (raised(bench)[-1].time_ns - at) / MS
-    drive.force_input("positive_limit", None)
+    drive.force_input(f"{side}_limit", None)
     bench.run_for(0.05)
     assert bench.run_until(axis.reset().done, 1.0)
     return found
 
 
-@pytest.mark.requirement("LIM-025", "LIM-026", "LIM-027", "LIM-105")
-@pytest.mark.parametrize("filter_ms", [6.4, 3.0, 0.1])
-def test_detection_takes_the_filter_and_one_cycle(filter_ms):
-    """Closed at any place in the cycle: 531 after the filter and at most one cycle; T_i of this bus comes on
-    top.
+@pytest.mark.requirement("LIM-026", "LIM-027")
+@pytest.mark.parametrize(
+    ("keys", "filters_ms"),
+    [
+        ("", {"positive": 6.4, "negative": 6.4}),
+        ("input_filter_ms = 3.0", {"positive": 3.0, "negative": 3.0}),
+        ("negative_limit_filter_ms = 12.8", {"positive": 6.4, "negative": 12.8}),
+        ("input_filter_ms = 20.0\npositive_limit_filter_ms = 0.1", {"positive": 0.1, "negative": 20.0}),
+    ],
+)
+def test_detection_takes_the_filter_and_one_cycle(keys, filters_ms):
+    """531 after the filter of this input (6.4 ms unless given) and at most one cycle: over 0.1 ms before SYNC
+    it is that cycle, 0.1 ms behind it the next one; T_i of this bus comes on top.
     """
-    bench = homing_bench("reference", switches={"input_filter_ms": filter_ms})
+    bench = reference(keys)
     bench.run_for(0.05)
-    delays = [delay_ms(bench, offset) for offset in (0.05, 0.55, 1.05, 1.55, 2.05, 2.55, 3.05, 3.55)]
-    latest, earliest = max(delays), min(delays)
-    assert filter_ms + ACQUISITION_MS <= earliest
-    assert latest <= filter_ms + CYCLE_MS + ACQUISITION_MS
-    assert latest - earliest == pytest.approx(
-        CYCLE_MS - 0.5, abs=1e-6
-    )  # it is the cycle that decides, all of it
+    for side, filter_ms in filters_ms.items():
+        sync = -filter_ms % CYCLE_MS
+        for offset_ms, rest_ms in ((-0.1, 0.1), (0.1, CYCLE_MS - 0.1), (2.0, CYCLE_MS - 2.0)):
+            found = delay_ms(bench, sync + offset_ms, side)
+            assert found == pytest.approx(filter_ms + rest_ms + ACQUISITION_MS, abs=0.02)
 
 
 @pytest.mark.requirement("LIM-025")
@@ -63,9 +75,7 @@ def test_process_image(update):
     """With the process image of a program that is called every fifth cycle a change waits for that
     program.
     """
-    text = read("reference")[1].replace("cycle_ms = 4\n", "cycle_ms = 4\nprogram_cycles = 5\n")
-    text = text.replace('drive = "drive1"\n', f'drive = "drive1"\ninputs_update = "{update}"\n')
-    bench = Bench(parse(text, "bench.toml"), seed=1)
+    bench = reference("input_filter_ms = 0.0", f'inputs_update = "{update}"', "program_cycles = 5")
     bench.run_for(0.1)
     delays = [delay_ms(bench, 4.0 * cycle + 0.5) for cycle in range(5)]
     if update == "servo":
@@ -75,7 +85,94 @@ def test_process_image(update):
         assert len({round(one, 6) for one in delays}) > 2
 
 
-@pytest.mark.requirement("LIM-028", "LIM-105")
+STATION = """
+[segment.net0]
+kind = "modbus_tcp"
+[station.io]
+segment = "net0"
+digital_inputs = ["drive1.negative_limit", "drive1.positive_limit"]
+"""
+
+
+@pytest.mark.requirement("LIM-105")
+@pytest.mark.parametrize("place", ["drive", "station"])
+def test_what_a_digital_input_can_do(place, subtests):
+    """Inputs of a drive and of a station: level, filter of 6.4 ms, stuck at either level, wire break, bounce,
+    exchanged wires.
+    """
+    text = read("reference")[1]
+    if place == "station":
+        text = text.replace('drive = "drive1"', 'drive = "drive1"\ninputs = "io"') + STATION
+    bench = Bench(parse(text, "bench.toml"), seed=1)
+    bench.run_for(0.1)
+    axis, drive, injector = bench.axis(), bench.drive(), Injector(bench)
+
+    def reached(after_s=0.03):
+        bench.run_for(after_s)
+        return [side for side, bit in (("negative", 17), ("positive", 18)) if axis.var(f"StatusWord.X{bit}")]
+
+    def fault(kind, state=None, **parameters):
+        if place == "drive":
+            return injector.inject(
+                f"switch.{kind}", "drive1", input=f"{side}_limit", state=state, **parameters
+            )
+        if state is not None:
+            parameters |= {"value": float(state)} if kind == "stuck" else {"level": state}
+        number = ("negative", "positive").index(side)
+        return injector.inject(f"io.{kind}", "io", number=number, **parameters)
+
+    def travel(to_mm):
+        drive.mechanics.place(to_mm / 1000.0)
+
+    for side, behind_mm in (("negative", -555.0), ("positive", 555.0)):
+        with subtests.test(side, part="filter"):
+            travel(behind_mm)
+            assert reached(0.0063) == []
+            assert reached(0.0101) == [side]
+            travel(0.0)
+            assert reached(0.0063) == [side]
+            assert reached() == []
+        with subtests.test(side, part="stuck"):
+            stuck = fault("stuck", True)
+            assert reached() == [side]
+            stuck.remove()
+            assert reached() == []
+            stuck = fault("stuck", False)
+            travel(behind_mm)
+            assert reached() == []
+            stuck.remove()
+            assert reached() == [side]
+        if place == "station":
+            with subtests.test(side, part="wire break"):
+                broken = fault("wire_break")
+                assert reached() == []
+                broken.remove()
+                assert reached() == [side]
+        travel(0.0)
+        reached()
+        with subtests.test(side, part="level"):
+            drive.invert_input(f"{side}_limit", True)
+            assert reached() == [side]
+            travel(behind_mm)
+            assert reached() == []
+            travel(0.0)
+            drive.invert_input(f"{side}_limit", False)
+            assert reached() == []
+        with subtests.test(side, part="bounce"):
+            bounce = fault("bounce", True, pulses=20, shortest_s=0.004, longest_s=0.006)
+            assert reached(0.15) == []
+            assert reached(0.15) == [side]
+            bounce.remove()
+            assert reached() == []
+    with subtests.test(part="swap"):
+        drive.swap_limit_switches(True)
+        travel(-555.0)
+        assert reached() == ["positive"]
+        drive.swap_limit_switches(False)
+        assert reached() == ["negative"]
+
+
+@pytest.mark.requirement("LIM-028")
 def test_a_pulse_shorter_than_the_filter_is_not_seen():
     """6.3 ms with a filter of 6.4 ms, again and again: nothing; 12 ms: 531."""
     bench = homing_bench("reference", switches={"input_filter_ms": 6.4})
@@ -175,7 +272,7 @@ def test_a_switch_that_is_too_narrow_is_missed():
     assert seen[1] is False
 
 
-@pytest.mark.requirement("LIM-024", "LIM-104", "LIM-105")
+@pytest.mark.requirement("LIM-024", "LIM-104")
 @pytest.mark.parametrize("name", ["reference", "profidrive"])
 def test_normally_closed_contacts(name):
     """Active low: nothing at rest, 531 where the load opens a contact, and as soon as a wire breaks."""
