@@ -196,6 +196,42 @@ class DescribedBench(Protocol):
 
 
 @runtime_checkable
+class ProfiledBench(Protocol):
+    """A bench that knows the profiles of its drives."""
+
+    @property
+    def profiles(self) -> frozenset[str]:
+        """Profiles of the drives."""
+
+
+@runtime_checkable
+class TimedBench(Protocol):
+    """A bench in real time, which may be late."""
+
+    @property
+    def lateness_s(self) -> float:
+        """By how much it was late at worst, s."""
+
+    @property
+    def allowed_lateness_s(self) -> float:
+        """How late it may be, s."""
+
+
+@runtime_checkable
+class KnownKind(Protocol):
+    """A bench file that tells the kind of its bench."""
+
+    @property
+    def kind(self) -> str:
+        """`virtual` or `live`."""
+
+
+def kind_of(bench_file: object) -> str:
+    """Return the kind of the bench of a bench file: `virtual` where it does not tell."""
+    return bench_file.kind if isinstance(bench_file, KnownKind) else "virtual"
+
+
+@runtime_checkable
 class BenchFile(Protocol[BuiltBench_co]):
     """A validated bench description that builds fresh benches, of a type that satisfies `Bench`."""
 

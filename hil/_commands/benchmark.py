@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import gc
 import time
+from typing import TYPE_CHECKING
 
 from hil._commands._axis_measurement import axis_cycles
 from hil._commands._measurements import (
@@ -24,6 +25,10 @@ from hil.campaign import Campaign, CaseContext, CaseSettings, execute_case
 from hil.errors import CannotRunError
 from hil.expect import alarm, event, standstill
 from reports.model import Verdict
+
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
+    from hil.protocols import BenchFile
 
 _CAMPAIGN = Campaign("benchmark")
 _CASES = 20
@@ -95,7 +100,7 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
     return 0
 
 
-def _cases_per_minute(bench_file: object) -> float:
+def _cases_per_minute(bench_file: BenchFile[Bench]) -> float:
     started = time.perf_counter()
     for seed in range(_CASES):
         outcome = execute_case(_CAMPAIGN.cases[0], bench_file, CaseSettings(seed=seed)).result

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Protocol
 
 from hil._commands.emulate import config_of
 from hil.errors import CannotRunError
+
+if TYPE_CHECKING:
+    from fieldbus.canopen.slave import CanopenSlave
+    from hil.bench.config import BenchConfig
 
 
 def write_eds(reference: str, name: str, *, dcf: bool, output: Path | None) -> int:
@@ -25,12 +29,14 @@ def write_eds(reference: str, name: str, *, dcf: bool, output: Path | None) -> i
 
     """
     config = config_of(reference)
-    devices = list(config.emulated_names)
-    wanted = name or (devices[0] if devices else "")
+    devices = [name for name, table in config.nodes.items() if table.device == "emulated"]
+    if not devices:
+        raise CannotRunError(f"the bench {config.bench.name!r} has no emulated CANopen device")
+    wanted = name or devices[0]
     if wanted not in devices:
-        there = ", ".join(devices) or "none"
+        there = ", ".join(devices)
         raise CannotRunError(
-            f"{wanted!r} is no emulated device of the bench {config.bench.name!r}; there are: {there}"
+            f"{wanted!r} is no emulated CANopen device of the bench {config.bench.name!r}; there are: {there}"
         )
     text = _text(config, wanted, dcf=dcf, file_name="" if output is None else output.name)
     if output is None:
@@ -43,7 +49,18 @@ def write_eds(reference: str, name: str, *, dcf: bool, output: Path | None) -> i
     return 0
 
 
-def _text(config: Any, name: str, *, dcf: bool, file_name: str) -> str:
+class _Node(Protocol):
+    """A device with a CANopen node."""
+
+    @property
+    def slave(self) -> CanopenSlave:
+        """Its node."""
+
+    def power_on(self) -> None:
+        """Switch the supply on."""
+
+
+def _text(config: BenchConfig, name: str, *, dcf: bool, file_name: str) -> str:
     """Bring the device up alone on a segment of its own and return its file."""
     from fieldbus.can import CanMedium
     from fieldbus.canopen.eds_export import device_eds
@@ -51,11 +68,14 @@ def _text(config: Any, name: str, *, dcf: bool, file_name: str) -> str:
     from fieldbus.history import History
     from hil.bench._site import DeviceSite
     from hil.bench.emulated import named_rng
+    from hil.bench.segment_config import CanTable
 
     scheduler = VirtualScheduler()
     history = History(scheduler)
-    segments: dict[str, Any] = {}
+    segments: dict[str, CanMedium] = {}
     for segment, described in config.segment.items():
+        if not isinstance(described, CanTable):
+            continue
         segments[segment] = CanMedium(scheduler, bitrate=described.bitrate, name=segment, history=history)
         segments[segment].attach("listener", lambda _frame, _time: None)  # acknowledges
 
@@ -71,11 +91,11 @@ def _text(config: Any, name: str, *, dcf: bool, file_name: str) -> str:
 
     if name in config.encoder:
         encoder = config.encoder[name]
-        drives = {} if encoder.on is None else {encoder.on: config.drive[encoder.on].build(site(encoder.on))}
-        device: Any = encoder.build(site(name), drives, config.lead_mm(encoder))
+        machine = None if encoder.on is None else config.drive[encoder.on].build(site(encoder.on)).mechanics
+        device: _Node = encoder.build(site(name), machine, config.lead_mm(encoder))
     else:
-        device = config.devices[name].build(site(name))
+        device = {**config.can_drives, **config.device}[name].build(site(name))
     device.power_on()
     scheduler.run_for(S)
-    bitrate = config.segment[config.devices[name].segment].bitrate
-    return device_eds(device.slave, dcf=dcf, file_name=file_name, bitrate=bitrate)
+    bus = segments[config.nodes[name].segment]
+    return device_eds(device.slave, dcf=dcf, file_name=file_name, bitrate=bus.bitrate)

@@ -6,6 +6,7 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hil._commands._test_run import arguments_of_test
 from hil._commands.run import exit_code, finish, tell
@@ -16,6 +17,10 @@ from hil.errors import TokenError
 from reports import summary
 from reports.model import CaseResult, RunResult
 from reports.store import RUN_FILE, load_run, save_run
+
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
+    from hil.protocols import BenchFile
 
 
 def replay_token(text: str, *, report: Path, force: bool, as_json: bool) -> int:
@@ -62,7 +67,7 @@ def replay_token(text: str, *, report: Path, force: bool, as_json: bool) -> int:
     return exit_code(run)
 
 
-def _execute(token: Token, text: str, bench_file: object, report: Path) -> CaseResult:
+def _execute(token: Token, text: str, bench_file: BenchFile[Bench], report: Path) -> CaseResult:
     if token.program is not None:
         from hil.fuzz import Program, run_program
 

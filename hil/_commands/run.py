@@ -25,6 +25,7 @@ from hil.campaign._lock import only_run_in
 from hil.campaign._runner import shard
 from hil.campaign._shipped import references
 from hil.errors import CannotRunError
+from hil.protocols import kind_of
 from reports import Background, ReportPaths, replay_command, summary, write_report
 from reports.model import Earlier, RunResult, Verdict
 from reports.store import load_run
@@ -225,7 +226,7 @@ def run_selected(cases: list[Selected], request: RunRequest, own: Sequence[Requi
 def _refuse_live(cases: list[Selected], bench: str) -> None:
     for reference in dict.fromkeys(bench or item.case.bench for item in cases):
         file = load_bench_file(reference or None)
-        if getattr(file, "kind", "virtual") != "virtual":
+        if kind_of(file) != "virtual":
             raise CannotRunError(
                 f"--twice needs a virtual bench: {file.name!r} runs in real time and is never twice the same"
             )

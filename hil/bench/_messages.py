@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, get_args, get_origin
+from typing import TYPE_CHECKING, Final, NamedTuple, get_args, get_origin
 
 from fieldbus.errors import unknown_key
 from hil.bench._models import (
@@ -165,7 +165,7 @@ def _choices(place: Place) -> str:
     return ", ".join(dict.fromkeys(repr(choice) for one in models for choice in choices_of(one, key)))
 
 
-def _wrong_tag(root: type[BaseModel], location: tuple[int | str, ...], value: Any) -> str:
+def _wrong_tag(root: type[BaseModel], location: tuple[int | str, ...], value: object) -> str:
     """Return the message about a table for which there is no model: one of its choosing keys is wrong."""
     variants = variants_of(_hint_at(root, location))
     for key in CHOOSING:

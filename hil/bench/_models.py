@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 from functools import cache
 from inspect import get_annotations
 from types import UnionType
-from typing import Annotated, Any, Final, Literal, TypeGuard, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Final, Literal, TypeGuard, Union, get_args, get_origin, get_type_hints
 
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen, Unit
 from pydantic import BaseModel, Discriminator, Tag
@@ -113,7 +113,7 @@ def keys_of(model: type | None) -> tuple[str, ...]:
     return tuple(sorted(model.model_fields, key=lambda key: key not in own))
 
 
-def choices_of(model: type, key: str) -> tuple[Any, ...]:
+def choices_of(model: type, key: str) -> tuple[str | int, ...]:
     """Return the literals that a key may have; nothing for a key of another type."""
     if key not in keys_of(model):
         return ()
@@ -208,5 +208,5 @@ def _range_of_number(hint: object, *, whole: bool) -> str:
     return f"{text}, whole" if whole and text != "any" else "whole" if whole else text
 
 
-def _number(value: Any) -> str:
+def _number(value: object) -> str:
     return f"{value:.12g}"

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
+    from fieldbus.can.frame import CanSegment
     from fieldbus.clock import Scheduler
     from fieldbus.history import History
     from hil.bench.bench_config import BenchTable
@@ -31,6 +32,6 @@ class DeviceSite:
     name: str
     bench: BenchTable
     scheduler: Scheduler
-    segments: Mapping[str, Any]
+    segments: Mapping[str, CanSegment]
     history: History
     rng: Generator

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from types import UnionType
-from typing import Annotated, Any, ClassVar, Final, Union, get_args, get_origin
+from typing import Annotated, ClassVar, Final, Union, get_args, get_origin
 
 from annotated_types import Unit
 from pydantic import (
@@ -49,19 +49,22 @@ class Table(BaseModel, extra="forbid", frozen=True, allow_inf_nan=False):
 
     @field_validator("*", mode="wrap")
     @classmethod
-    def _as_written(cls, value: Any, validate: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
+    def _as_written(
+        cls, value: object, validate: ValidatorFunctionWrapHandler, info: ValidationInfo
+    ) -> object:
         problems = list(_of_another_type(cls.model_fields[str(info.field_name)].annotation, value, ()))
         if problems:
             raise ValidationError.from_exception_data(cls.__name__, problems)
         return refused_by_part(value, validate)
 
 
-def refused_by_part(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
+def refused_by_part(value: object, validate: ValidatorFunctionWrapHandler) -> object:
     """Return the validated value; what a part refuses when it is built is a mistake of its table."""
     try:
-        return validate(value)
+        checked: object = validate(value)
     except ConfigurationError as error:
         raise ValueError(str(error)) from None
+    return checked
 
 
 def sentence(text: str, place: tuple[str | int, ...], value: object) -> InitErrorDetails:
@@ -70,7 +73,7 @@ def sentence(text: str, place: tuple[str | int, ...], value: object) -> InitErro
     return InitErrorDetails(type=error, loc=place, input=value)
 
 
-def _of_another_type(hint: Any, value: Any, path: tuple[str | int, ...]) -> Iterator[InitErrorDetails]:
+def _of_another_type(hint: object, value: object, path: tuple[str | int, ...]) -> Iterator[InitErrorDetails]:
     """Yield an error for a text where a number is expected and the like; a model checks its own fields."""
     tables = settings_of(hint)
     if tables:
@@ -94,12 +97,12 @@ def _of_another_type(hint: Any, value: Any, path: tuple[str | int, ...]) -> Iter
         yield InitErrorDetails(type=error, loc=path, input=value)
 
 
-def _scalars(hint: Any) -> set[type]:
+def _scalars(hint: object) -> set[type]:
     """Return which of bool, int, float and str a type hint permits; nothing for a choice of literals, which
     is strict by itself.
     """
-    if hint in _SCALARS:
-        return {hint}
+    if isinstance(hint, type):
+        return {hint} & _SCALARS.keys()
     if get_origin(hint) not in (Union, UnionType, Annotated):
         return set()
     return set().union(*map(_scalars, get_args(hint)))

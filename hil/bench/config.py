@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from pydantic import Field
 
@@ -66,8 +66,12 @@ class BenchConfig(Table, frozen=True):
     @property
     def nodes(self) -> dict[str, CanDriveTable | EncoderTable | DeviceTable]:
         """Drives, encoders and other devices with a CANopen node, by name."""
-        drives = {name: drive for name, drive in self.drive.items() if isinstance(drive, CanDriveTable)}
-        return {**drives, **self.encoder, **self.device}
+        return {**self.can_drives, **self.encoder, **self.device}
+
+    @property
+    def can_drives(self) -> dict[str, CanDriveTable]:
+        """Drives with a CANopen node, by name."""
+        return {name: drive for name, drive in self.drive.items() if isinstance(drive, CanDriveTable)}
 
     def place_of(self, name: str) -> str:
         """Return the table of a node, `drive.x_drive`."""
@@ -124,13 +128,13 @@ class BenchConfig(Table, frozen=True):
             return {}
         return drive.wired_variables(self.axis[name].drive, self.station)
 
-    def start_values(self, name: str) -> dict[str, Any]:
+    def start_values(self, name: str) -> dict[str, object]:
         """Return the start values of the variables of an axis: what it says, and otherwise what follows from
         drive, encoders, switches and wires.
         """
         axis = self.axis[name]
         drive = self.drive[axis.drive]
-        values: dict[str, Any] = dict(drive.taken_over())
+        values: dict[str, object] = dict(drive.taken_over())
         if axis.type != "speed":
             if isinstance(drive, WITH_SWITCHES):
                 level = not drive.switches.normally_closed
@@ -153,7 +157,7 @@ class BenchConfig(Table, frozen=True):
         RampTimes(store, axis.ramp_times, values)
         return store
 
-    def _values_of_encoder(self, axis: AxisTable, encoder: str, sensor: str) -> dict[str, Any]:
+    def _values_of_encoder(self, axis: AxisTable, encoder: str, sensor: str) -> dict[str, int | float]:
         """Return the variables that follow from an encoder of an axis."""
         drive = self.drive[axis.drive]
         if encoder == axis.drive:

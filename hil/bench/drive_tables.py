@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Discriminator, Tag
 
@@ -39,10 +39,15 @@ def second_encoder_variables(encoder: SecondEncoderTable, prefix: str) -> dict[s
     return values
 
 
-def _second_encoder(table: Any) -> Any:
-    kind = table.get("type", "none") if isinstance(table, dict) else getattr(table, "type", None)
+def _second_encoder(table: object) -> str | None:
+    if isinstance(table, NoSecondEncoder | RotarySecondEncoder | LinearSecondEncoder):
+        kind: object = table.type
+    elif isinstance(table, dict):
+        kind = table.get("type", "none")
+    else:
+        return None
     if kind in ("none", None):
-        return kind
+        return None if kind is None else "none"
     return "linear" if str(kind).endswith("_linear") else "rotary"
 
 

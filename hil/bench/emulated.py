@@ -183,8 +183,9 @@ class DeviceBuilder:
         for name in self._config.emulated_encoders:
             section = self._config.encoder[name]
             with errors.located(f"encoder.{name}"):
+                machine = None if section.on is None else devices.drives[section.on].mechanics
                 encoder = devices.encoders[name] = section.build(
-                    self._site(name, segments), devices.drives, self._config.lead_mm(section)
+                    self._site(name, segments), machine, self._config.lead_mm(section)
                 )
                 self._record(name, encoder)
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, Protocol
 
 from annotated_types import Unit
 from pydantic import Discriminator, Field, Tag, WrapValidator, model_validator
@@ -117,6 +117,18 @@ class SlideTable(_ShaftTable, frozen=True):
         return self.speed_mm_s
 
 
+class Machine(Protocol):
+    """The machine of a drive that an encoder sits on."""
+
+    @property
+    def motor_angle(self) -> float:
+        """Angle of the motor shaft, rad."""
+
+    @property
+    def position(self) -> float:
+        """Position of the load, m or rad."""
+
+
 class _EncoderTable(Table, MountingKeys, frozen=True):
     """What an encoder of any profile and kind has."""
 
@@ -149,13 +161,13 @@ class _EncoderTable(Table, MountingKeys, frozen=True):
 
     @abstractmethod
     def build(
-        self, site: DeviceSite, drives: Mapping[str, Any], lead_mm: float | None
+        self, site: DeviceSite, machine: Machine | None, lead_mm: float | None
     ) -> CiA406Encoder | ProfidriveCanEncoder:
         """Return the emulated encoder, still switched off, on the machine of a drive or a shaft of its own.
 
         Args:
             site: Where it works.
-            drives: Emulated drives by name.
+            machine: What it sits on; None: a shaft or slide of its own.
             lead_mm: Lead of the screw of the drive that it sits on, mm; None: it sits on none.
 
         """
@@ -194,7 +206,7 @@ class _EncoderTable(Table, MountingKeys, frozen=True):
         return 1.0 / 1000.0 if self.linear else _RPM
 
     def mounted(
-        self, scheduler: Scheduler, drives: Mapping[str, Any], lead_mm: float | None
+        self, scheduler: Scheduler, machine: Machine | None, lead_mm: float | None
     ) -> tuple[Mounting, DrivenShaft | None]:
         """Return how the encoder follows a machine or its own shaft, and that shaft."""
         from emulators.encoder import Mounting
@@ -202,21 +214,19 @@ class _EncoderTable(Table, MountingKeys, frozen=True):
         ratio, offset, backlash = self.coupling(lead_mm)
         shaft: DrivenShaft | None = None
         source: Callable[[], float]
-        if self.on is None:
+        if machine is None:
             shaft = own = self.motion.build(scheduler, self.speed_scale)
 
             def source() -> float:
                 return own.position
+        elif self.mounting == "motor":
+
+            def source() -> float:
+                return machine.motor_angle
         else:
-            mechanics = drives[self.on].mechanics
-            if self.mounting == "motor":
 
-                def source() -> float:
-                    return float(mechanics.motor_angle)
-            else:
-
-                def source() -> float:
-                    return float(mechanics.position)
+            def source() -> float:
+                return machine.position
 
         return Mounting(source, ratio=ratio, offset=offset, backlash=backlash), shaft
 
@@ -325,19 +335,19 @@ class _Cia406Table(_EncoderTable, frozen=True):
         return _cia406_dictionary(self.type)
 
     def build(
-        self, site: DeviceSite, drives: Mapping[str, Any], lead_mm: float | None
+        self, site: DeviceSite, machine: Machine | None, lead_mm: float | None
     ) -> CiA406Encoder | ProfidriveCanEncoder:
         """Return the emulated encoder, still switched off, on the machine of a drive or a shaft of its own.
 
         Args:
             site: Where it works.
-            drives: Emulated drives by name.
+            machine: What it sits on; None: a shaft or slide of its own.
             lead_mm: Lead of the screw of the drive that it sits on, mm; None: it sits on none.
 
         """
         from emulators.encoder.cia406 import CiA406Encoder
 
-        mounting, shaft = self.mounted(site.scheduler, drives, lead_mm)
+        mounting, shaft = self.mounted(site.scheduler, machine, lead_mm)
         return CiA406Encoder(
             NodeClock(site.scheduler, lambda: site.rng.spawn(1)[0]),
             site.segments[self.segment],
@@ -485,19 +495,19 @@ class _ProfidriveEncoderTable(_EncoderTable, frozen=True):
         return self.profidrive.reference_speed * (0.06 if self.linear else 1.0)
 
     def build(
-        self, site: DeviceSite, drives: Mapping[str, Any], lead_mm: float | None
+        self, site: DeviceSite, machine: Machine | None, lead_mm: float | None
     ) -> CiA406Encoder | ProfidriveCanEncoder:
         """Return the emulated encoder, still switched off, on the machine of a drive or a shaft of its own.
 
         Args:
             site: Where it works.
-            drives: Emulated drives by name.
+            machine: What it sits on; None: a shaft or slide of its own.
             lead_mm: Lead of the screw of the drive that it sits on, mm; None: it sits on none.
 
         """
         from emulators.encoder.profidrive.can import ProfidriveCanEncoder
 
-        mounting, shaft = self.mounted(site.scheduler, drives, lead_mm)
+        mounting, shaft = self.mounted(site.scheduler, machine, lead_mm)
         return ProfidriveCanEncoder(
             NodeClock(site.scheduler, lambda: site.rng.spawn(1)[0]),
             site.segments[self.segment],
@@ -565,7 +575,7 @@ def _cia406_dictionary(kind: str) -> canopen.ObjectDictionary:
     return EDS[family_of(EncoderType[kind.upper()])].dictionary()
 
 
-def _choice(table: Any) -> Any:
+def _choice(table: object) -> str | None:
     """Return the tag of the model: profile and kind of measurement."""
     if isinstance(table, _EncoderTable):
         profile, kind = table.profile, table.type

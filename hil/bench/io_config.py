@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
@@ -12,9 +12,12 @@ from fieldbus.clock import MS
 from hil.bench._table import Table
 
 if TYPE_CHECKING:
+    from emulators.drive.analog import AnalogDrive
+    from emulators.drive.emulated_drive import EmulatedDrive
     from emulators.io import CounterInput, DigitalInput, ModbusIoStation
     from fieldbus.clock import Scheduler
     from fieldbus.history import History
+    from fieldbus.modbus import SerialLine, TcpLink
     from hil.bench._site import DeviceSite
     from hil.bench.modbus_links import ModbusSegment
     from motion.drives.station import StationInputs, StationLink
@@ -40,13 +43,13 @@ class WiredStation:
         self.station = station
         self._processing_ns = processing_ns
 
-    def listen(self, network: Any) -> None:
+    def listen(self, network: TcpLink) -> None:
         """Answer on a network."""
         from fieldbus.modbus import TcpStation
 
         TcpStation(self._scheduler, network, self.station.server, processing_ns=self._processing_ns)
 
-    def attach(self, line: Any) -> None:
+    def attach(self, line: SerialLine) -> None:
         """Answer on a serial line."""
         from fieldbus.modbus import RtuStation
 
@@ -121,7 +124,7 @@ class StationTable(Table, frozen=True):
         own = self.input_filters_ms
         return (own[channel] if own else self.input_filter_ms) / 1000.0
 
-    def build(self, site: DeviceSite, drives: Mapping[str, Any]) -> WiredStation:
+    def build(self, site: DeviceSite, drives: Mapping[str, EmulatedDrive]) -> WiredStation:
         """Return the station, wired to the drives.
 
         Args:
@@ -131,22 +134,24 @@ class StationTable(Table, frozen=True):
         """
         from emulators.io import AnalogInput, AnalogOutput, DigitalOutput, ModbusIoStation
 
-        def at(wire: str, method: str) -> Any:
-            return getattr(drives[wire.partition(".")[0]], method) if wire else None
-
+        analog = {
+            wire: _analog(wire, drives) for wire in (*self.digital_outputs, *self.analog_outputs) if wire
+        }
         station = ModbusIoStation(
             site.scheduler,
             digital_inputs=[
                 self._input(site.scheduler, channel, wire, drives)
                 for channel, wire in enumerate(self.digital_inputs)
             ],
-            digital_outputs=[DigitalOutput(at(wire, "set_enable")) for wire in self.digital_outputs],
+            digital_outputs=[
+                DigitalOutput(analog[wire].set_enable if wire else None) for wire in self.digital_outputs
+            ],
             analog_inputs=[
                 AnalogInput(site.scheduler, 0.0, 10.0, bipolar=True, rng=site.rng)
                 for _ in range(self.analog_inputs)
             ],
             analog_outputs=[
-                AnalogOutput(0.0, 10.0, on_change=at(wire, "set_voltage"), rng=site.rng)
+                AnalogOutput(0.0, 10.0, on_change=analog[wire].set_voltage if wire else None, rng=site.rng)
                 for wire in self.analog_outputs
             ],
             counters=[_counter(wire, drives) for wire in self.counters],
@@ -157,13 +162,15 @@ class StationTable(Table, frozen=True):
         )
         return WiredStation(site.scheduler, station, processing_ns=round(self.processing_ms * MS))
 
-    def _input(self, scheduler: Scheduler, number: int, wire: str, drives: Mapping[str, Any]) -> DigitalInput:
+    def _input(
+        self, scheduler: Scheduler, number: int, wire: str, drives: Mapping[str, EmulatedDrive]
+    ) -> DigitalInput:
         from emulators.io import DigitalInput
 
         channel = DigitalInput(scheduler, filter_ms=self.filter_s(number) * 1000.0)
         drive, _, terminal = wire.partition(".")
         if terminal == "ready":
-            drives[drive].on_ready.append(channel.set)
+            _analog(wire, drives).on_ready.append(channel.set)
         elif terminal:
             drives[drive].digital_inputs.follow(terminal, channel.set)
         return channel
@@ -198,13 +205,25 @@ class StationTable(Table, frozen=True):
         return StationInputs(link, channels) if channels else None
 
 
-def _counter(wire: str, drives: Mapping[str, Any]) -> CounterInput:
+def _counter(wire: str, drives: Mapping[str, EmulatedDrive]) -> CounterInput:
+    from emulators.drive.emulated_drive import ServoDrive
     from emulators.io import CounterInput
 
     if not wire:
         return CounterInput()
     drive = drives[wire.partition(".")[0]]
-    if hasattr(drive, "emitted_count"):
-        return CounterInput(drive.emitted_count)
-    encoder = drive.core.encoder
-    return CounterInput(lambda: encoder.increments)
+    if isinstance(drive, ServoDrive):
+        encoder = drive.core.encoder
+        return CounterInput(lambda: encoder.increments)
+    from emulators.drive.stepper_can import StepperCanDrive
+
+    assert isinstance(drive, StepperCanDrive)  # what else has an encoder output
+    return CounterInput(drive.emitted_count)
+
+
+def _analog(wire: str, drives: Mapping[str, EmulatedDrive]) -> AnalogDrive:
+    from emulators.drive.analog import AnalogDrive
+
+    drive = drives[wire.partition(".")[0]]
+    assert isinstance(drive, AnalogDrive)  # what else has such a terminal
+    return drive

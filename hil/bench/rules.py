@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import located
 from hil.bench._models import keys_of
@@ -73,7 +73,7 @@ class AxisFacts:
         with located(f"axis.{name}"):
             self.store = config.variables_of(name)
 
-    def read(self, path: str) -> Any:
+    def read(self, path: str) -> float:
         """Return the start value of a variable in the units of the user."""
         return self.store.read(path)
 
@@ -105,7 +105,7 @@ class AxisFacts:
     @property
     def unit_mm(self) -> float | None:
         """Size of the position unit, mm; None for angles and speeds."""
-        metres = LENGTHS.get(self.read("Units.LengthUnit")) if self.positions else None
+        metres = LENGTHS.get(int(self.read("Units.LengthUnit"))) if self.positions else None
         return None if metres is None else metres * 1e3
 
     @property
@@ -453,8 +453,8 @@ def _encoder_resolution(axis: AxisFacts) -> Iterator[str]:
         return
     if axis.read("Sensor[1].System") == 0 or axis.read("Sensor[1].DataAdaption"):
         return
-    steps = axis.read("Sensor[1].Parameter.StepsPerRevolution")
-    fine = axis.read("Sensor[1].Parameter.FineResolutionXist1")
+    steps = int(axis.read("Sensor[1].Parameter.StepsPerRevolution"))
+    fine = int(axis.read("Sensor[1].Parameter.FineResolutionXist1"))
     counts = axis.drive.increments_per_revolution << axis.drive.fine_resolution_bits
     if steps << fine != counts:
         yield (

@@ -164,8 +164,9 @@ class TcpTable(_ModbusTable, frozen=True):
         """
         if live and self.latency_us != TcpTable.model_fields["latency_us"].default:
             raise ValueError(f"{where}.latency_us: a live network has its own; only on a virtual bench")
-        for key in ("host", "port"):
-            if not live and getattr(self, key) != TcpTable.model_fields[key].default:
+        places = {"host": self.host, "port": self.port}
+        for key, value in places.items():
+            if not live and value != TcpTable.model_fields[key].default:
                 raise ValueError(f'{where}.{key}: a virtual bench has no such place; set bench.kind = "live"')
 
     @property
@@ -228,8 +229,10 @@ class RtuTable(_ModbusTable, frozen=True):
         return self
 
 
-def _kind(table: Any) -> Any:
-    return table.get("kind", "can") if isinstance(table, dict) else getattr(table, "kind", None)
+def _kind(table: object) -> object:
+    if isinstance(table, dict):
+        return table.get("kind", "can")
+    return table.kind if isinstance(table, CanTable | TcpTable | RtuTable) else None
 
 
 SegmentTable = CanTable | TcpTable | RtuTable

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import re
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hil.errors import CannotRunError
 from hil.protocols import BenchFile
@@ -31,7 +31,7 @@ def load_bench_file(reference: str | None) -> BenchFile[Bench]:
     if reference and _OBJECT.fullmatch(reference):
         module_name, _, name = reference.partition(":")
         try:
-            found: Any = getattr(importlib.import_module(module_name), name)
+            found: object = getattr(importlib.import_module(module_name), name)
         except (ImportError, AttributeError) as error:
             raise CannotRunError(f"bench {reference!r}: {explain(error) or error}") from error
         if not isinstance(found, BenchFile):
@@ -39,6 +39,6 @@ def load_bench_file(reference: str | None) -> BenchFile[Bench]:
                 f"bench {reference!r} is no bench file: it lacks build(), name, text or digest"
             )
         return found
-    load: Any = importlib.import_module("hil.bench").load_bench
-    bench_file: BenchFile[Bench] = load(reference or None)
-    return bench_file
+    from hil.bench import load_bench
+
+    return load_bench(reference or None)

@@ -8,14 +8,14 @@ import re
 import string
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from hil.campaign._context import CaseContext
 
-CaseFunction = Callable[..., Any]
+CaseFunction = Callable[..., object]
 Requirements = Sequence[str] | Callable[..., Iterable[str]]
 
 SIMULATED_LIMIT_S: Final = 120.0
@@ -37,7 +37,7 @@ class Case:
     group: str
     function: CaseFunction
     """Called with a `CaseContext` and the parameters."""
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, object] = field(default_factory=dict)
     tags: tuple[str, ...] = ()
     requirements: tuple[str, ...] = ()
     bench: str = ""
@@ -159,7 +159,7 @@ class Campaign:
         self,
         name: str,
         *,
-        parameters: Mapping[str, Iterable[Any]] | Iterable[Mapping[str, Any]],
+        parameters: Mapping[str, Iterable[object]] | Iterable[Mapping[str, object]],
         title: str = "",
         tags: Sequence[str] = (),
         requirements: Requirements = (),
@@ -217,8 +217,8 @@ class Campaign:
 
 
 def _combinations(
-    parameters: Mapping[str, Iterable[Any]] | Iterable[Mapping[str, Any]],
-) -> Iterable[dict[str, Any]]:
+    parameters: Mapping[str, Iterable[object]] | Iterable[Mapping[str, object]],
+) -> Iterable[dict[str, object]]:
     if isinstance(parameters, Mapping):
         names = list(parameters)
         for values in itertools.product(*(list(parameters[name]) for name in names)):
@@ -228,7 +228,7 @@ def _combinations(
             yield dict(combination)
 
 
-def _fill(text: str, values: Mapping[str, Any]) -> str:
+def _fill(text: str, values: Mapping[str, object]) -> str:
     """Put parameter values into their placeholders; texts with other braces stay as they are."""
     if not values:
         return text

@@ -6,13 +6,18 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
 
 from fieldbus.history import Event
 from hil.faults import ArmedFault
 from hil.record import Trace, protocol_of
 from reports.model import AlarmRecord, Check, FaultRecord, Message, Scalar, Signal, Step, Verdict
 from reports.text import check_sentence, code_text
+
+if TYPE_CHECKING:
+    from hil.record import BusFrame
 
 MESSAGE_WINDOW: Final = 30
 """Frames kept before and after every fault and alarm."""
@@ -28,10 +33,9 @@ USUAL_SIGNALS: Final = frozenset(
 """Columns kept in the report unless a case says otherwise."""
 
 
-def _plain(value: Any) -> Scalar:
-    item = getattr(value, "item", None)
-    if callable(item) and not isinstance(value, (str, int, float, bool)):
-        value = item()
+def _plain(value: object) -> Scalar:
+    if isinstance(value, np.generic):
+        value = value.item()
     return value if value is None or isinstance(value, (str, int, float, bool)) else str(value)
 
 
@@ -152,7 +156,7 @@ def build_story(trace: Trace, recorded: Iterable[Step], checks: Iterable[Check])
 def build_alarms(trace: Trace) -> list[AlarmRecord]:
     """Return all alarms with the times at which their cause went and at which they were cleared."""
     records: list[AlarmRecord] = []
-    pending: dict[tuple[str, Any], AlarmRecord] = {}
+    pending: dict[tuple[str, Scalar], AlarmRecord] = {}
     for entry in trace.select(kind="alarm."):
         key = (entry.source, entry.data.get("number"))
         if entry.kind == "alarm.raised":
@@ -205,7 +209,11 @@ def build_faults(trace: Trace, armed: Iterable[ArmedFault]) -> list[FaultRecord]
 
 
 def build_messages(
-    trace: Trace, decode: Callable[[Any], str], window: int = MESSAGE_WINDOW, *, times_s: Iterable[float] = ()
+    trace: Trace,
+    decode: Callable[[BusFrame], str],
+    window: int = MESSAGE_WINDOW,
+    *,
+    times_s: Iterable[float] = (),
 ) -> list[Message]:
     """Return the frames around faults, alarms and further times, decoded."""
     marks = [
@@ -247,7 +255,7 @@ def build_messages(
     return [message for _, message in found]
 
 
-def _decoded(decode: Callable[[Any], str], frame: Any) -> str:
+def _decoded(decode: Callable[[BusFrame], str], frame: BusFrame) -> str:
     try:
         return decode(frame)
     except Exception as error:  # noqa: BLE001 - a frame that nobody can decode is still evidence

@@ -7,7 +7,7 @@ import time
 import traceback
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from hil.campaign._case import Case
 from hil.campaign._context import CaseContext
@@ -23,8 +23,13 @@ from hil.campaign._limits import limit_simulated, limit_wall
 from hil.campaign._token import Token
 from hil.errors import BlockedError, CaseEndedError, CaseTimeoutError, UnsupportedFaultError
 from hil.expect import describe, run_checkers
+from hil.protocols import ProfiledBench, TimedBench
 from hil.record import Difference, Trace, first_difference, homing_drawings
 from reports.model import CaseResult, Check, Verdict
+
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
+    from hil.protocols import BenchFile
 
 REPEATABLE: Final = "repeatable"
 """Name of the check that `--twice` adds."""
@@ -61,7 +66,7 @@ class CaseSettings:
     message_window: int = MESSAGE_WINDOW
 
 
-def execute_case(case: Case, bench_file: Any, settings: CaseSettings) -> Execution:
+def execute_case(case: Case, bench_file: BenchFile[Bench], settings: CaseSettings) -> Execution:
     """Run a case on a fresh bench and return its result with the trace; never raises what the case raises.
 
     Args:
@@ -126,7 +131,7 @@ def _judge_repetition(first: Execution, second: Execution) -> None:
     result.message = f"not repeatable: {observed}" + (f"; {result.message}" if result.message else "")
 
 
-def _run_and_clear(case: Case, bench_file: Any, settings: CaseSettings) -> Execution:
+def _run_and_clear(case: Case, bench_file: BenchFile[Bench], settings: CaseSettings) -> Execution:
     """Run a case and free its bench at once: a web of references to itself, a dozen of which take thrice as
     long together.
     """
@@ -140,7 +145,7 @@ def _run_and_clear(case: Case, bench_file: Any, settings: CaseSettings) -> Execu
             gc.collect(0)
 
 
-def _run_once(case: Case, bench_file: Any, settings: CaseSettings) -> Execution:
+def _run_once(case: Case, bench_file: BenchFile[Bench], settings: CaseSettings) -> Execution:
     started = time.perf_counter()
     result = CaseResult(
         identifier=case.identifier,
@@ -159,7 +164,7 @@ def _run_once(case: Case, bench_file: Any, settings: CaseSettings) -> Execution:
         with limit_wall(case.wall_limit_s), bench_file.build(seed=settings.seed) as bench:
             context = CaseContext(bench, seed=settings.seed)
             limit_simulated(bench, case.simulated_limit_s)
-            result.requirements = requirements_here(case.requirements, getattr(bench, "profiles", ()))
+            result.requirements = requirements_here(case.requirements, _profiles(bench))
             result.verdict, result.message = _call(case, context)
             context.faults.note_waiting()
             trace = context.trace()
@@ -194,12 +199,17 @@ def requirements_here(requirements: Sequence[str], profiles: Iterable[str]) -> l
     return [identifier for identifier in requirements if not identifier.startswith(absent)]
 
 
-def _lateness(bench: Any) -> float:
+def _profiles(bench: object) -> frozenset[str]:
+    return bench.profiles if isinstance(bench, ProfiledBench) else frozenset()
+
+
+def _lateness(bench: object) -> float:
     """Return by how much a live bench was later than it allows, s: then timing says
     nothing about what was tested.
     """
-    lateness = float(getattr(bench, "lateness_s", 0.0))
-    return lateness if lateness > float(getattr(bench, "allowed_lateness_s", 0.0)) else 0.0
+    if not isinstance(bench, TimedBench):
+        return 0.0
+    return bench.lateness_s if bench.lateness_s > bench.allowed_lateness_s else 0.0
 
 
 def _call(case: Case, context: CaseContext) -> tuple[Verdict, str]:

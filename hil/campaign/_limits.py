@@ -7,10 +7,13 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from fieldbus.clock import MS, seconds_to_ns
 from hil.errors import CaseEndedError, CaseTimeoutError
+
+if TYPE_CHECKING:
+    from hil.protocols import Bench
 
 AGAIN_S: Final = 5.0
 """Time that a case has to end, and its bench to be closed, once it has been asked to."""
@@ -18,7 +21,7 @@ USED_UP: Final = "the case has used up its limit"
 """How the message of a case begins that ran into one of its limits."""
 
 
-def limit_simulated(bench: Any, seconds: float) -> None:
+def limit_simulated(bench: Bench, seconds: float) -> None:
     """Let the bench raise `CaseTimeoutError` once `seconds` of its time have passed from now.
 
     It is raised again every millisecond after that, for a case that swallows it and continues.

@@ -20,6 +20,7 @@ from hil.campaign._executor import Executor, Finished, InProcess, LocalProcesses
 from hil.campaign._files import FOLDER, Keep
 from hil.campaign._worker import Order, bench_of
 from hil.errors import CannotRunError
+from hil.protocols import kind_of
 from reports.model import CaseResult, RunResult, Verdict
 from reports.packed import pack_case
 from reports.store import JOURNAL_FILE, RUN_FILE, SIGNAL_FOLDER, finish_run, load_run, start_run, write_case
@@ -187,7 +188,7 @@ class Runner:
         bench = self._bench_for(selected)
         file = bench_of(bench)
         limit_s = options.wall_limit_s or selected.case.wall_limit_s
-        runs = 1 + LIVE_REPETITIONS if _is_live(file) else 1 + options.twice
+        runs = 1 + LIVE_REPETITIONS if (kind_of(file) != "virtual") else 1 + options.twice
         return Order(
             identifier=selected.case.identifier,
             campaign=selected.campaign,
@@ -257,7 +258,9 @@ class Runner:
         if jobs == 1:
             return InProcess({name: selected.case for name, selected in self._cases.items()})
         # Two cases on the same bus would disturb each other.
-        alone = any(_is_live(bench_of(self._bench_for(selected))) for selected in self._cases.values())
+        alone = any(
+            kind_of(bench_of(self._bench_for(selected))) != "virtual" for selected in self._cases.values()
+        )
         return LocalProcesses(1 if alone else jobs)
 
     def _result_of(self, finished: Finished) -> CaseResult:
@@ -289,11 +292,6 @@ class Runner:
 def _title(cases: Sequence[Selected]) -> str:
     groups = list(dict.fromkeys(selected.case.group for selected in cases))
     return ", ".join(groups[:3]) + (" and others" if len(groups) > 3 else "")
-
-
-def _is_live(file: object) -> bool:
-    """Return whether a bench runs on a bus that others may be on; a bench file of a user need not tell."""
-    return getattr(file, "kind", "virtual") != "virtual"
 
 
 def _part(shard_text: str) -> str:

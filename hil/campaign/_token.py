@@ -7,9 +7,12 @@ import binascii
 import json
 import zlib
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from hil.errors import TokenError
+
+if TYPE_CHECKING:
+    from reports.json_types import JsonObject
 
 PREFIX: Final = "HIL1-"
 PYTEST: Final = "pytest"
@@ -32,7 +35,7 @@ class Token:
     """Bench as given by the user; empty for the embedded one."""
     bench_digest: str = ""
     """SHA-256 of the bench file, to notice that it has changed."""
-    program: list[Any] | None = field(default=None)
+    program: list[JsonObject] | None = field(default=None)
     """Steps of a fuzz program."""
     example: str = ""
     """Example of Hypothesis with which a test of pytest begins: version and blob of `@reproduce_failure`."""
@@ -75,7 +78,7 @@ class Token:
         return cls._from_content(content)
 
     @classmethod
-    def _from_content(cls, content: Any) -> Token:
+    def _from_content(cls, content: object) -> Token:
         kinds = {
             "case": str,
             "seed": int,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from fieldbus.errors import ConfigurationError
 from hil.faults._catalogue import fault_type
@@ -124,7 +123,7 @@ class Fault:
         return result
 
     @classmethod
-    def from_dict(cls, content: Any, where: str = "fault") -> Fault:
+    def from_dict(cls, content: object, where: str = "fault") -> Fault:
         """Build a fault from TOML/JSON values.
 
         Raises:

@@ -5,7 +5,7 @@ removes them, and logs all of it.
 from __future__ import annotations
 
 from itertools import count
-from typing import Any, Final
+from typing import Final
 from weakref import WeakSet
 
 from fieldbus.clock import seconds_to_ns
@@ -263,7 +263,7 @@ class Injector:
         until: Trigger | EventSelector | None = None,
         duration_s: float | None = None,
         count: int | None = None,
-        **parameters: Any,
+        **parameters: Scalar,
     ) -> ArmedFault:
         """Arm a fault given by its fields; without a trigger it is applied at once."""
         return self.arm(

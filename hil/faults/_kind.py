@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from fieldbus.clock import Timer
     from hil.faults._trigger import OnFrame
     from hil.protocols import Bench
+    from reports.json_types import JsonObject
 
 T = TypeVar("T")
 S = TypeVar("S")
@@ -436,7 +437,7 @@ class FaultType:
         """Return whether the kind has a parameter."""
         return any(one.name == parameter for one in self.parameters)
 
-    def check(self, values: Mapping[str, Any]) -> dict[str, Scalar]:
+    def check(self, values: Mapping[str, object]) -> dict[str, Scalar]:
         """Return the given parameters, validated, in the order of the definition.
 
         Raises:
@@ -475,7 +476,7 @@ class FaultType:
         ]
         return f"faults.inject({', '.join(arguments)})".replace("'", '"')
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the description as JSON values."""
         return {
             "name": self.name,

@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from fieldbus.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from reports.json_types import JsonObject
 
 Scalar = str | int | float | bool
 ParameterType = Literal["float", "int", "bool", "text"]
@@ -77,9 +80,9 @@ class Parameter:
         checked: Scalar = value
         return checked
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the description as JSON values."""
-        result: dict[str, Any] = {
+        result: JsonObject = {
             "name": self.name,
             "type": self.type,
             "unit": self.unit,

@@ -527,7 +527,7 @@ class TriggerForm:
     required: Mapping[str, Value] = field(default_factory=dict)
     optional: Mapping[str, Value] = field(default_factory=dict)
 
-    def read(self, when: str, content: Mapping[str, Any], where: str) -> Trigger:
+    def read(self, when: str, content: Mapping[str, object], where: str) -> Trigger:
         """Return the trigger that a table describes.
 
         Raises:
@@ -668,7 +668,7 @@ TRIGGERS: Final[dict[str, TriggerForm]] = {
 """The triggers, by the value of `when` in a file."""
 
 
-def trigger_from_dict(content: Any, where: str = "trigger") -> Trigger:
+def trigger_from_dict(content: object, where: str = "trigger") -> Trigger:
     """Build a trigger from TOML/JSON values.
 
     Raises:

@@ -11,6 +11,7 @@ from itertools import zip_longest
 from hil.campaign import SHIPPED, Found, find_campaigns, load_bench_file
 from hil.errors import CannotRunError
 from hil.mutants._mutant import Mutant
+from hil.protocols import kind_of
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ def find_judges(references: Sequence[str] = ()) -> list[Judge]:
         for found in find_campaigns([where]):
             judges.update(dict.fromkeys(_cases(found, bench)))
     for bench in dict.fromkeys(judge.bench for judge in judges):
-        kind = getattr(load_bench_file(bench or None), "kind", "virtual")
+        kind = kind_of(load_bench_file(bench or None))
         if kind != "virtual":
             raise CannotRunError(f"defects are judged on virtual benches; {bench!r} runs in real time")
     return list(judges)

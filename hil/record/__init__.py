@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from hil.record._compare import Difference, first_difference
-from hil.record._frames import PackedFrames
+from hil.record._frames import BusFrame, PackedFrames
 from hil.record._homing import homing_drawings
 from hil.record._kinds import EVENT_KINDS, check_event_kind
 from hil.record._recorder import Group, Recorder
@@ -26,6 +26,7 @@ from hil.record._vocabulary import (
 __all__ = [
     "EVENT_DETAILS",
     "EVENT_KINDS",
+    "BusFrame",
     "Difference",
     "Direction",
     "EventSelector",

@@ -441,7 +441,7 @@ def test_eds_of_an_encoder(bench_file, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["none"], "'none' is no emulated device.* there are: io"),
+        (["none"], "'none' is no emulated CANopen device.* there are: io"),
         (["io", "-o", "/nowhere/io.eds"], "cannot be written"),
     ],
 )
@@ -457,3 +457,9 @@ def test_bench_files_from_text_are_anchored_at_their_source(tmp_path):
     config = BenchFile(str(tmp_path / "b.toml"), HEAD + NODE + f'storage = "{tmp_path}/m.json"\n').config
     assert config.device["io"].eds == str(tmp_path / "station.eds")
     assert config.device["io"].storage == f"{tmp_path}/m.json"
+
+
+def test_eds_of_a_bench_without_canopen(capsys):
+    """A bench whose drives are all on Modbus has nothing to write, and a sentence says so."""
+    assert main(["eds", "profidrive_tcp"]) == 2
+    assert "has no emulated CANopen device" in capsys.readouterr().err
