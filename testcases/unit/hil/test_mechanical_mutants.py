@@ -84,7 +84,7 @@ def test_the_draw_is_repeatable_and_covers_all_packages():
     first, again, other = draw(30, 1), draw(30, 1), draw(30, 2)
     assert first == again
     assert len({mutant.name for mutant in first}) == 30
-    assert {one.name for one in first}.isdisjoint({one.name for one in other})
+    assert len({one.name for one in first} & {one.name for one in other}) < 5, "30 of some thousands"
     assert {mutant.area for mutant in first} == {"motion", "emulators", "fieldbus"}
     for mutant in random.Random(1).sample(first, 5):
         with seeded(mutant, set()):
