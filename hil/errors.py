@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from fieldbus.errors import ConfigurationError, HilError, UnsupportedFaultError
 
 __all__ = [
-    "AxisNotNamedError",
     "BlockedError",
     "CampaignNotFoundError",
     "CannotRunError",
@@ -16,11 +15,12 @@ __all__ = [
     "ConfigurationError",
     "ExpectationFailedError",
     "HilError",
+    "NotNamedError",
     "NotRecordedError",
     "RecordingError",
     "TokenError",
     "UnsupportedFaultError",
-    "name_the_axis",
+    "name_the",
 ]
 
 
@@ -28,24 +28,25 @@ class CannotRunError(HilError):
     """The command cannot be carried out (exit code 2)."""
 
 
-class AxisNotNamedError(ConfigurationError):
-    """Something is about an axis, does not say which one, and there are several.
+class NotNamedError(ConfigurationError):
+    """Something is about a part, does not say which one, and there are several.
 
     Args:
         where: What lacks the name.
-        names: Names of the axes.
+        what: What it is about: `axis`.
+        names: Names of the parts.
 
     """
 
-    def __init__(self, where: str, names: Sequence[str]) -> None:
-        wanted = name_the_axis(names)
+    def __init__(self, where: str, what: str, names: Sequence[str]) -> None:
+        wanted = name_the(what, names)
         super().__init__(where, None, wanted)
         self.args = (f"{where}: {wanted}",)
 
 
-def name_the_axis(names: Sequence[str]) -> str:
-    """Return what to do where there are several axes: `name the axis: x, y or z`."""
-    return f"name the axis: {', '.join(names[:-1])} or {names[-1]}"
+def name_the(what: str, names: Sequence[str]) -> str:
+    """Return what to do where there are several parts: `name the axis: x, y or z`."""
+    return f"name the {what}: {' or '.join([', '.join(names[:-1]), names[-1]] if names[1:] else names)}"
 
 
 class CampaignNotFoundError(CannotRunError):

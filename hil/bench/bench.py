@@ -24,7 +24,7 @@ from hil.bench.numbers import axis_numbers
 from hil.bench.segments import Segments
 from hil.bench.vocabulary import bench_vocabulary
 from hil.bench.waiting import UnmetWait, check_condition, checked_ns
-from hil.errors import ExpectationFailedError, UnsupportedFaultError
+from hil.errors import ExpectationFailedError, UnsupportedFaultError, name_the
 from hil.record import Recorder, Trace, Vocabulary
 from motion.s7.call_log import CallLog
 from motion.s7.runtime import Runtime
@@ -502,10 +502,19 @@ class Bench:
             """Say what a name that a bench does not have is called here."""
             instead = _INSTEAD.get(name, "")
             if not instead and not name.startswith("_"):
-                from motion.s7.handles import AxisHandle
-
-                instead = f"bench.axis().{name}: it belongs to an axis" if hasattr(AxisHandle, name) else ""
+                instead = self._of_an_axis(name)
             raise UnknownAttributeError(self, attribute=name, what="the bench", instead=instead)
+
+        def _of_an_axis(self, name: str) -> str:
+            """Return how to ask an axis for what a bench does not have; empty: an axis has none either."""
+            from motion.s7.handles import AxisHandle
+
+            if not hasattr(AxisHandle, name):
+                return ""
+            names = self.axis_names
+            shown = f'"{names[0]}"' if len(names) > 1 else ""
+            others = f"; {name_the('axis', names)}" if len(names) > 1 else ""
+            return f"bench.axis({shown}).{name}: it belongs to an axis{others}"
 
     def __repr__(self) -> str:
         return f"<Bench {self.config.bench.name!r} at {self.now_s:.3f} s: {self.summary()}>"

@@ -86,6 +86,10 @@ def _state_text(entry: Event) -> str:
 
 _TELLERS: Final[dict[str, tuple[str, Callable[[Event], str]]]] = {
     "alarm.raised": ("observe", _alarm_text),
+    "alarm.detail": (
+        "observe",
+        lambda entry: f"Alarm {entry.data.get('number')} of {entry.source}: {entry.data.get('text')}",
+    ),
     "alarm.gone": (
         "observe",
         lambda entry: f"The cause of alarm {entry.data.get('number')} of {entry.source} is gone",
@@ -169,6 +173,8 @@ def build_alarms(trace: Trace) -> list[AlarmRecord]:
             )
             records.append(record)
             pending[key] = record
+        elif entry.kind == "alarm.detail" and key in pending:
+            pending[key].text = str(entry.data.get("text") or "")
         elif entry.kind == "alarm.gone" and key in pending:
             pending[key].gone_s = entry.time_ns * 1e-9
         elif entry.kind == "alarm.cleared" and key in pending:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from hil.errors import RecordingError, name_the_axis
+from hil.errors import RecordingError, name_the
 from hil.record import EventSelector, Trace
 
 _COLUMNS: Final = frozenset(
@@ -66,7 +66,7 @@ def axis_about(trace: Trace, axis: str, *about: float | EventSelector | str | No
             return of_drives[component]
     if not names:
         raise RecordingError("the trace holds no axis")
-    raise RecordingError(name_the_axis(names))
+    raise RecordingError(name_the("axis", names))
 
 
 def signal_about(trace: Trace, signal: str, *about: float | EventSelector | str | None) -> str:

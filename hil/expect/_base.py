@@ -8,7 +8,8 @@ from collections.abc import Iterable, Iterator
 from copy import copy
 from dataclasses import dataclass, fields, replace
 from numbers import Real
-from typing import Self
+from operator import index
+from typing import Self, SupportsIndex, cast
 
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import Event
@@ -68,8 +69,22 @@ def check_bound(where: str, value: float | None) -> None:
         ConfigurationError: With `where` and what is allowed.
 
     """
-    if value is not None and not value >= 0:
+    if value is not None and not (_is_number(value) and value >= 0):
         raise ConfigurationError(where, value, "a time >= 0 s" if where.endswith("_s") else "a number >= 0")
+
+
+def check_whole(where: str, value: object, low: int, high: int) -> None:
+    """Refuse what is no whole number of a range; None is permitted.
+
+    Raises:
+        ConfigurationError: With `where`, and what is allowed.
+
+    """
+    whole = _is_number(value) and hasattr(value, "__index__")
+    if value is not None and not (whole and low <= index(cast("SupportsIndex", value)) <= high):
+        written = value.strip() if isinstance(value, str) else ""
+        hint = f": {written}, without quotes" if written.isdecimal() and low <= int(written) <= high else ""
+        raise ConfigurationError(where, value, f"a number from {low} to {high}{hint}")
 
 
 def value_in_force(trace: Trace, name: str, time_s: float) -> float:

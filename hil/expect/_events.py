@@ -15,6 +15,7 @@ from hil.expect._base import (
     Expectation,
     Reference,
     check_bound,
+    check_whole,
     end_of,
     instant,
     value_in_force,
@@ -26,7 +27,9 @@ from hil.expect._wording import allowed, clause, instant_words, moment, period, 
 from hil.record import EventSelector, Trace, check_state
 from hil.record import event as select_event
 from reports.model import Check
-from reports.text import reaction_name
+from reports.text import REACTION_NAMES, reaction_name
+
+_LAST_ALARM: Final = 9999
 
 JOB_OUTPUTS: Final = {
     "Busy": "job.started",
@@ -68,13 +71,13 @@ class alarm(Expectation):
 
     Args:
         number: Number of the technology alarm.
-        reaction: Expected reaction, 0 to 5; None: any.
+        reaction: Expected reaction, 0 to 15 (for an axis 0 to 5); None: any.
         within_s: Bound after `since`, s; None: up to the end of the trace.
         since: Reference instant.
         axis: Name of the axis; None: any.
 
     Raises:
-        ConfigurationError: `within_s` is negative.
+        ConfigurationError: `number` or `reaction` is none, or `within_s` is negative.
 
     """
 
@@ -86,6 +89,8 @@ class alarm(Expectation):
     axis: str | None = None
 
     def __post_init__(self) -> None:
+        check_whole("alarm.number", self.number, 1, _LAST_ALARM)
+        check_whole("alarm.reaction", self.reaction, 0, max(REACTION_NAMES))
         check_bound("alarm.within_s", self.within_s)
 
     @property
@@ -167,6 +172,9 @@ class no_alarm(Expectation):
         axis: Name of the axis; None: all.
         besides: Numbers of alarms that may come.
 
+    Raises:
+        ConfigurationError: One of `besides` is no number of an alarm.
+
     """
 
     _: KW_ONLY
@@ -174,6 +182,10 @@ class no_alarm(Expectation):
     until: Reference | None = None
     axis: str | None = None
     besides: Sequence[int] = ()
+
+    def __post_init__(self) -> None:
+        for number in self.besides:
+            check_whole("no_alarm.besides", number, 1, _LAST_ALARM)
 
     @property
     def title(self) -> str:

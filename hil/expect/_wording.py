@@ -20,6 +20,7 @@ _JOBS: Final = {
 _EVENTS: Final = {
     "alarm.cleared": ("was cleared", "was not cleared"),
     "alarm.acknowledged": ("was acknowledged", "was not acknowledged"),
+    "alarm.detail": ("was explained", "was not explained"),
     "alarm.gone": ("lost its cause", "did not lose its cause"),
     "fault.applied": ("came", "did not come"),
     "fault.removed": ("went", "did not go"),

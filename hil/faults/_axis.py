@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from hil.errors import AxisNotNamedError
+from hil.errors import NotNamedError
 from hil.faults._trigger import AnyOf, ByChance, InCondition, InSequence, SignalCrossing, Trigger
 from hil.faults.seams import BenchWithAxes, BenchWithDrivesOfAxes, offers
 from hil.protocols import Bench
@@ -22,7 +22,7 @@ def about_axis(bench: Bench, trigger: Trigger, *targets: str) -> Trigger:
         targets: What the fault is about: its target, and the drives that its parameters name.
 
     Raises:
-        AxisNotNamedError: There are several axes, and the fault is about none of them.
+        NotNamedError: There are several axes, and the fault is about none of them.
 
     """
     if isinstance(trigger, SignalCrossing | InCondition):
@@ -54,4 +54,4 @@ def _axis(bench: Bench, trigger: SignalCrossing | InCondition, targets: tuple[st
         drive = target.partition(".")[0]  # the drive of a second encoder
         if drive in drives:
             return drives[drive]
-    raise AxisNotNamedError(f"trigger '{trigger}'", names)
+    raise NotNamedError(f"trigger '{trigger}'", "axis", names)

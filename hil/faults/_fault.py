@@ -29,7 +29,7 @@ class Fault:
 
     kind: str
     target: str = ""
-    """Name of the segment, drive or axis; empty: the default one of the bench."""
+    """Name of the segment, drive or axis; empty: the only one, or the first segment."""
     trigger: Trigger | EventSelector = field(default_factory=Immediately)
     until: Trigger | EventSelector | None = None
     """Removed when this happens."""

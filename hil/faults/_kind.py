@@ -25,9 +25,13 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, NoReturn, Protocol, Typ
 
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import ConfigurationError, MissingValueError, UnsupportedFaultError
+from hil.errors import NotNamedError
 from hil.faults._overrides import Override, OverrideStack, newest, shared
 from hil.faults._parameters import ENVIRONMENTS, Environment, Parameter, Scalar, Values
 from hil.faults.seams import (
+    BenchWithAxes,
+    BenchWithDrives,
+    BenchWithDrivesOfAxes,
     BenchWithEncoders,
     BenchWithSecondEncoders,
     HasSupply,
@@ -80,7 +84,7 @@ class Injection:
     bench: Bench
     kind: FaultType
     target: str
-    """Name that was given; empty: the default part."""
+    """Name that was given; empty: the only part, or the default one."""
     values: Values
     count: int | None
     """How many frames or telegrams are hit; None: no limit."""
@@ -156,10 +160,58 @@ def override_action(target: str, *overrides: Override[S]) -> Action:
 
 
 def find_drive(injection: Injection) -> Part:
-    """Return the drive that is meant; without a name the first one."""
-    drive: Part = injection.bench.drive(injection.target or None)
+    """Return the drive that is meant; without a name the only one."""
+    drive: Part = injection.bench.drive(drive_meant(injection))
     injection.check_environment(drive)
     return drive
+
+
+def drive_meant(injection: Injection, names: Sequence[str] | None = None) -> str | None:
+    """Return the name of the drive that is meant; None: the bench has no names.
+
+    Args:
+        injection: The fault.
+        names: Drives that can be meant; None: all.
+
+    Raises:
+        NotNamedError: An axis is named, or nothing where there are several drives.
+
+    """
+    bench, target = injection.bench, injection.target
+    where = f"{injection.kind.name}: target"
+    if not target:
+        if names is None:
+            names = bench.drive_names if offers(bench, BenchWithDrives) else ()
+        if len(names) > 1:
+            raise NotNamedError(where, "drive", names)
+        return names[0] if names else None
+    if _is_axis(bench, target) and offers(bench, BenchWithDrivesOfAxes):
+        raise NotNamedError(f"{where} {target!r} is an axis", "drive", [bench.drive_of(target)])
+    return target
+
+
+def find_axis(injection: Injection) -> Part:
+    """Return the axis that is meant; without a name the only one.
+
+    Raises:
+        NotNamedError: A drive is named, or nothing where there are several axes.
+
+    """
+    bench, target = injection.bench, injection.target
+    where = f"{injection.kind.name}: target"
+    names = bench.axis_names if offers(bench, BenchWithAxes) else ()
+    if not target and len(names) > 1:
+        raise NotNamedError(where, "axis", names)
+    if target and target not in names and offers(bench, BenchWithDrivesOfAxes):
+        moved = [name for name in names if bench.drive_of(name) == target]
+        if moved:
+            raise NotNamedError(f"{where} {target!r} is a drive", "axis", moved)
+    axis: Part = bench.axis(target or None)
+    return axis
+
+
+def _is_axis(bench: Bench, name: str) -> bool:
+    return offers(bench, BenchWithAxes) and name in bench.axis_names
 
 
 def encoder_names(bench: Bench) -> tuple[str, ...]:

@@ -1000,6 +1000,14 @@ class BenchWithAxes(Protocol):
         """Their names."""
 
 
+class BenchWithDrives(Protocol):
+    """A bench that knows the names of its drives."""
+
+    @property
+    def drive_names(self) -> tuple[str, ...]:
+        """Their names."""
+
+
 class BenchWithDrivesOfAxes(Protocol):
     """A bench that knows which drive moves an axis."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from fieldbus.errors import ConfigurationError
@@ -12,6 +12,7 @@ from hil.campaign import CaseContext, Token
 from hil.campaign._execute import collect_evidence
 from hil.errors import BlockedError, CaseTimeoutError, ExpectationFailedError, UnsupportedFaultError
 from hil.expect import ALWAYS_ON, SEARCH_RULES, run_checkers, undecided_until
+from hil.faults import Fault
 from hil.fuzz._configuration import UnitScale
 from hil.fuzz._invariants import Invariant, OneJobOutput, Violation, default_invariants
 from hil.fuzz._program import Break, Do, Program, Step, Wait
@@ -231,13 +232,24 @@ def _install(bench: Any, watched: Sequence[Invariant]) -> None:
     bench.on_cycle(look)
 
 
+def _of_first_axis(fault: Fault, bench: Any) -> Fault:
+    """Return a fault without target as one of the first axis or its drive: a search looks at these."""
+    of_drive = fault.entry.target in {"drive", "switch", "mechanics", "encoder"}
+    if fault.target or not (of_drive or fault.entry.target == "axis"):
+        return fault
+    axis = bench.axis()
+    if not of_drive:
+        return replace(fault, target=axis.name)
+    return replace(fault, target=bench.drive_of(axis.name)) if hasattr(bench, "drive_of") else fault
+
+
 def _perform(step: Step, context: CaseContext, hands: _Hands, skipped: list[str]) -> None:
     if isinstance(step, Wait):
         context.run_for(step.seconds)
         return
     if isinstance(step, Break):
         try:
-            context.faults.arm(step.fault)
+            context.faults.arm(_of_first_axis(step.fault, context.bench))
         except (UnsupportedFaultError, BlockedError, ConfigurationError) as error:
             _skip(step, error, context, skipped)
         return

@@ -17,6 +17,7 @@ EVENT_KINDS: Final = MappingProxyType(
         "adapter.state": "an adapter is opened, closed, or its bus state has changed",
         "alarm.acknowledged": "a technology alarm is acknowledged",
         "alarm.cleared": "a technology alarm is gone",
+        "alarm.detail": "the text of a pending alarm is completed, as soon as the cause is known in detail",
         "alarm.gone": "the cause of a technology alarm that is still pending has gone",
         "alarm.raised": "a technology alarm is raised",
         "axis.adaption": "the transfer of parameters of a part has another state",

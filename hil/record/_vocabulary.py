@@ -51,6 +51,7 @@ _JOB: Final = ("job", "instruction", "error_id")
 EVENT_DETAILS: Final[Mapping[str, tuple[str, ...]]] = {
     "alarm.acknowledged": ("pending", "cleared"),
     "alarm.cleared": ("number",),
+    "alarm.detail": ("number", "text"),
     "alarm.gone": ("number",),
     "alarm.raised": ("number", "reaction", "alarm_class", "info", "text"),
     "axis.homed": ("mode", "offset"),

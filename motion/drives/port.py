@@ -155,6 +155,10 @@ class DrivePort(ABC):
     def read(self) -> None:
         """Take over the inputs that have arrived since the last cycle."""
 
+    def fault_text(self) -> str:
+        """Return the fault of the drive in words: `drive fault 2310h`; without a code while none has come."""
+        return f"drive fault {self.drive_fault_code:04X}h" if self.drive_fault_code else "drive fault"
+
     def telegram_view(self) -> dict[str, int]:
         """Return the words of the telegram by signal name, as last sent and
         last received (DIA-100, DIA-101).

@@ -305,6 +305,11 @@ class ProfidrivePort(LinkedPort):
         self._fault_number = 0
 
     @override
+    def fault_text(self) -> str:
+        """Return the fault of the drive in words, `drive fault 7936`: its numbers are decimal."""
+        return f"drive fault {self.drive_fault_code}" if self.drive_fault_code else "drive fault"
+
+    @override
     def leave_service(self) -> None:
         LinkedPort.leave_service(self)
         self._watch.reset()

@@ -355,7 +355,10 @@ class ProfidriveModbusPort(ProfidrivePort):
             return
         self.response_ns = self._scheduler.now - self._asked_ns
         self._fresh = frame = self._frame_of(result)
-        self._cycles_of_fault = self._cycles_of_fault + 1 if frame[1] & _FAULT else 0
+        if frame[1] & _FAULT:
+            self._cycles_of_fault += 1
+        else:
+            self._cycles_of_fault = self._fault_number = 0  # the next fault may be another one
 
     def _on_written(self, result: Result) -> None:
         self._writing = False

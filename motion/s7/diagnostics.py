@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 Row = tuple[str, str]
 """Indication and variable; a leading `!` inverts a bit."""
 
+_MAXIMUM_SPEED: Final = "maximum velocity"
 _STATUS: Final[tuple[Row, ...]] = (
     ("simulation active", "StatusWord.X25"),
     ("enabled", "StatusWord.X0"),
@@ -89,7 +90,7 @@ _POSITION_ERRORS: Final[tuple[Row, ...]] = (
 )
 _VALUES: Final[tuple[Row, ...]] = (
     ("velocity override", "Override.Velocity"),
-    ("maximum velocity", "DynamicLimits.MaxVelocity"),
+    (_MAXIMUM_SPEED, "DynamicLimits.MaxVelocity"),
     ("maximum acceleration", "DynamicLimits.MaxAcceleration"),
     ("maximum deceleration", "DynamicLimits.MaxDeceleration"),
     ("maximum jerk", "DynamicLimits.MaxJerk"),
@@ -109,6 +110,9 @@ _MEANINGS: Final[dict[str, dict[float, str]]] = {
     "encoder homed": {0: "no", 1: "yes"},
 }
 """What the numbers of an indication mean (VAR-107)."""
+_PER_TIME: Final = {"1/s2": "s", "1/s3": "s²"}
+_IN_A_SECOND: Final = {"1/min": 60.0, "1/h": 3600.0}
+"""Speed that one revolution per second is, in the other units of a speed axis."""
 _WIDTH: Final = 110
 _WORDS: Final = ("StatusWord", "StatusWord2", "ErrorWord", "WarningWord")
 
@@ -235,7 +239,15 @@ class Diagnosis:
     def _shown(self, name: str, value: float) -> str:
         meaning = _MEANINGS.get(name, {}).get(value)
         shown = f"{value:g}" if isinstance(value, float) else str(value)
-        return f"{shown} ({meaning})" if meaning else f"{shown} {self.units.get(name, '')}".rstrip()
+        if meaning:
+            return f"{shown} ({meaning})"
+        unit = self.units.get(name, "")
+        per, speed = _PER_TIME.get(unit, ""), self.units.get(_MAXIMUM_SPEED, "")
+        # An acceleration of a speed axis counts revolutions in seconds, whatever its speed does (CFG-081).
+        same = (
+            f" ({value * _IN_A_SECOND[speed]:g} {speed} per {per})" if per and speed in _IN_A_SECOND else ""
+        )
+        return f"{shown} {unit}{same}".rstrip()
 
 
 def _described(name: str, value: int) -> str:

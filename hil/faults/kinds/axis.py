@@ -6,7 +6,7 @@ from typing import Final
 
 from fieldbus.errors import HilError, UnsupportedFaultError
 from hil.faults import seams
-from hil.faults._kind import Action, Custom, Family, FaultType, Injection, override_action
+from hil.faults._kind import Action, Custom, Family, FaultType, Injection, find_axis, override_action
 from hil.faults._parameters import Parameter
 
 
@@ -17,7 +17,7 @@ def _raise_alarm(injection: Injection) -> Action:
         UnsupportedFaultError: The object cannot have this alarm, or not with this reaction.
 
     """
-    axis: seams.Part = injection.bench.axis(injection.target or None)
+    axis = find_axis(injection)
     if not seams.offers(axis, seams.HasAlarms):
         injection.refuse(f"{axis.name} offers no alarms")
     name, alarms, values = axis.name, axis.alarms, injection.values

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from hil.faults._kind import Action, Family, FaultType, Injection
+from hil.faults._kind import Action, Family, FaultType, Injection, drive_meant
 from hil.faults._parameters import Parameter
 from hil.faults.kinds import _places as places
-from hil.faults.seams import BenchWithPorts, Part, TelegramPort, offers
+from hil.faults.seams import BenchWithAxes, BenchWithDrivesOfAxes, BenchWithPorts, Part, TelegramPort, offers
 
 if TYPE_CHECKING:
     from fieldbus.profidrive.telegrams import Layout, Telegram
@@ -38,7 +38,10 @@ def _find_port(injection: Injection) -> TelegramPort:
     bench = injection.bench
     if not offers(bench, BenchWithPorts):
         injection.refuse("this bench shows no ports of its axes")
-    port: Part = bench.port(injection.target or None)
+    axes = bench.axis_names if offers(bench, BenchWithAxes) else ()
+    drives = [bench.drive_of(name) for name in axes] if offers(bench, BenchWithDrivesOfAxes) else []
+    led = [name for name in drives if offers(bench.port(name), TelegramPort)]
+    port: Part = bench.port(drive_meant(injection, led or drives))
     if not offers(port, TelegramPort):
         injection.refuse(f"{port.name} is controlled by no PROFIdrive telegram")
     return port

@@ -79,8 +79,8 @@ class AlarmEngine:
         name: Source of history events.
         object_type: Type of the technology object; it decides which alarms are
             possible and the reaction shown.
-        history: Log for `alarm.raised`, `alarm.gone` (a cause held by `set_cause` has ended, the alarm is
-            still pending), `alarm.acknowledged` and `alarm.cleared`.
+        history: Log for `alarm.raised`, `alarm.detail` (its text is completed), `alarm.gone` (a cause held by
+            `set_cause` has ended, the alarm is still pending), `alarm.acknowledged` and `alarm.cleared`.
         on_alarm: Called with every new alarm, and with a pending one whose reaction became stronger.
 
     """
@@ -221,6 +221,24 @@ class AlarmEngine:
             return
         self._causes[number] = _Cause(reaction, info, text, restart)
         self.raise_alarm(number, reaction=reaction, info=info, text=text, restart=restart)
+
+    def add_detail(self, number: int, text: str) -> None:
+        """Complete the text of a pending alarm whose cause lasts, with what was not known when it was raised.
+
+        Args:
+            number: Number of the alarm; one that is not pending stays as it is.
+            text: Detail in place of the one of before.
+
+        """
+        cause = self._causes.get(number)
+        if cause is not None:
+            self._causes[number] = cause._replace(text=text)
+        pending = self._pending.get(number)
+        if pending is None:
+            return
+        pending.text = f"{pending.entry.text}: {text}"
+        if self._history is not None:
+            self._history.emit(self._name, "alarm.detail", number=number, text=pending.text)
 
     def update(self) -> None:
         """Raise the alarms again that have been acknowledged although their

@@ -81,6 +81,10 @@ class AxisAlarms:
         """Say whether the cause of alarm `number` is present; while it is, acknowledging does not help."""
         self.engine.set_cause(number, active, reaction=reaction, info=info, text=text)
 
+    def add_detail(self, number: int, text: str) -> None:
+        """Complete the text of a pending alarm with what was not known when it was raised."""
+        self.engine.add_detail(number, text)
+
     def warn(self, number: int, info: int = 0) -> None:
         """Raise a warning once until it is acknowledged; cheap to call every cycle."""
         if number not in self._warned:

@@ -134,6 +134,8 @@ class EnableControl:
         self._velocity_mode = settings.velocity_mode
         self._max_deceleration = settings.max_deceleration
         self._cause_431 = self._cause_421 = self._cause_411 = False
+        self._fault_code = 0
+        """Fault of the drive that the text of alarm 421 has; 0: none, or its number has not come yet."""
 
     def power_down(self) -> None:
         """Begin again, as after power-on."""
@@ -144,6 +146,7 @@ class EnableControl:
         command.stw1 = STW1_IDLE
         self._phase = 0
         self._cause_431 = self._cause_421 = self._cause_411 = False
+        self._fault_code = 0
 
     def rest(self, *, outputs: bool) -> None:
         """Say whether a disabled axis sends its control word or, with process outputs off, zeros."""
@@ -292,8 +295,13 @@ class EnableControl:
         if self._cause_421 or (fault and (expected or state is AxisState.ENABLING)):
             if fault is not self._cause_421:
                 self._cause_421 = fault
-                text = "control request withdrawn" if refused else f"drive fault {port.drive_fault_code:04X}h"
+                text = "control request withdrawn" if refused else port.fault_text()
+                self._fault_code = port.drive_fault_code
                 alarms.set_cause(ALARM_DRIVE, fault, info=2 if refused else 1, text=text)
+            elif fault and not refused and not self._fault_code and port.drive_fault_code:
+                # Over some links the number comes later than the bit that shows the fault.
+                self._fault_code = port.drive_fault_code
+                alarms.add_detail(ALARM_DRIVE, port.fault_text())
         elif expected and port.link_ok and not zsw1 & _OPERATION and not self._command.switching_off:
             if zsw1 & _AUTONOMOUS_MASK == ZSW1.READY_TO_SWITCH_ON | ZSW1.READY:
                 if state is not AxisState.TRACKING:
@@ -335,7 +343,7 @@ class EnableControl:
             if not port.link_ok:
                 return "no cyclic communication with the drive"
             if port.zsw1 & _FAULT:
-                return f"drive fault {port.drive_fault_code:04X}h"
+                return port.fault_text()
             return "the drive does not request control"
         if not servo.sensor_valid:
             return "the encoder has no valid value"

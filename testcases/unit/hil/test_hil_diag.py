@@ -167,3 +167,39 @@ def test_external_encoders_and_encoders_of_an_axis(capsys, tmp_path):
     assert code == 0
     assert out.count("ExternalEncoder") == 1
     assert "PositioningAxis" not in out
+
+
+def test_accelerations_of_a_speed_axis_are_shown_in_its_speed_too(capsys):
+    """They count revolutions in seconds; next to rpm the same acceleration in rpm per second is shown."""
+    _, out, _ = call(capsys, "diag", "speed")
+    assert "maximum acceleration: 200 1/s2 (12000 1/min per s)" in out
+    assert "maximum jerk: 2000 1/s3 (120000 1/min per s²)" in out
+
+
+def test_the_number_of_a_drive_fault_is_in_the_alarm_on_every_bus(subtests):
+    """Over Modbus it is read after the alarm and completes its text; a second fault has its own number."""
+    for name, shown in (
+        ("reference", "drive fault {code:04X}h"),
+        ("profidrive", "drive fault {code}"),
+        ("profidrive_tcp", "drive fault {code}"),
+    ):
+        with subtests.test(name), load_bench(name).build() as machine:
+            axis, faults = machine.axis(), Injector(machine)
+            texts = []
+            for code in (0x2310, 0x3210):
+                power = axis.power()
+                axis.reset()
+                assert machine.run_until(power.status, timeout=3.0)
+                faults.inject("drive.fault", code=code)
+                machine.run_for(0.1)
+                (pending,) = axis.object.engine.pending
+                assert pending.text.endswith(": " + shown.format(code=axis.port.drive_fault_code))
+                assert build_alarms(machine.trace())[-1].text == pending.text
+                texts.append(pending.text)
+                power.set(Enable=False)
+                machine.run_for(0.1)
+            assert texts[0] != texts[1]
+            (*_, last) = [
+                one for one in machine.history.events if one.kind.startswith("alarm.") and "text" in one.data
+            ]
+            assert last.data["text"] == texts[1]

@@ -7,9 +7,19 @@ import pytest
 import hil
 from hil.campaign import Campaign, CaseSettings, execute_case
 from hil.errors import ConfigurationError, ExpectationFailedError, HilError
-from hil.expect import alarm, evaluate, event, no_motion_after, ramp, standstill, state_at, status_word_bit
+from hil.expect import (
+    alarm,
+    evaluate,
+    event,
+    no_alarm,
+    no_motion_after,
+    ramp,
+    standstill,
+    state_at,
+    status_word_bit,
+)
 from hil.expect import stop as stop_by_mode
-from hil.faults import Injector, any_of, condition, position, sequence, signal, state, velocity
+from hil.faults import Injector, any_of, at, condition, position, sequence, signal, state, velocity
 from hil.testing import CurrentTrace
 from reports.model import Verdict
 from testcases.unit.hil import three_axes
@@ -111,7 +121,10 @@ CALLS = [
     (lambda bench: bench.now, "use bench.now_s"),
     (lambda bench: bench.run(0.5), r"use bench.run_for(0.5)"),
     (lambda bench: bench.run_fro(0.5), "similar: run_for"),
-    (lambda bench: bench.move_relative(5.0), "use bench.axis().move_relative: it belongs to an axis"),
+    (
+        lambda bench: bench.move_relative(5.0),
+        'use bench.axis("x").move_relative: it belongs to an axis; name the axis: x, y or z',
+    ),
     (lambda bench: bench.axis("x").enable(), "x has no 'enable'; use power()"),
     (lambda bench: bench.axis("x").power().Statsu, "MC_Power has no 'Statsu'; similar: Status, status"),
     (lambda bench: CurrentTrace(bench).chek(), "the trace has no 'chek'; similar: check"),
@@ -252,3 +265,49 @@ def test_a_case_says_which_fault_never_fired():
     assert result.message.endswith(f"drive.fault on x_drive: armed, never fired: {reason}")
     assert result.faults[0].trigger.endswith(reason)
     assert any(reason in step.text for step in result.story)
+
+
+TARGETS = [
+    ("drive.fault", "", {"code": 0x2310}, "drive.fault: target: name the drive: x_drive, y_drive or z_drive"),
+    ("drive.fault", "y", {"code": 0x2310}, "drive.fault: target 'y' is an axis: name the drive: y_drive"),
+    ("mechanics.jam", "z", {}, "mechanics.jam: target 'z' is an axis: name the drive: z_drive"),
+    ("drive.sto", "q", {}, "'q' is not the name of a drive; allowed: x_drive, y_drive, z_drive"),
+    ("axis.alarm", "", {"number": 521}, "axis.alarm: target: name the axis: x, y or z"),
+    ("axis.alarm", "z_drive", {"number": 521}, "axis.alarm: target 'z_drive' is a drive: name the axis: z"),
+    ("telegram.sign_of_life", "z", {}, "target 'z' is an axis: name the drive: z_drive"),
+]
+"""Kind, target and parameters of a fault, and what is said of them on the bench with three axes."""
+NO_ALARMS = [
+    (
+        lambda: alarm("421"),
+        "alarm.number: '421' is not allowed; allowed: a number from 1 to 9999: 421, without quotes",
+    ),
+    (lambda: alarm(421.5), "alarm.number: 421.5 is not allowed; allowed: a number from 1 to 9999"),
+    (lambda: alarm(0), "alarm.number: 0 is not allowed"),
+    (lambda: alarm(421, reaction=77), "alarm.reaction: 77 is not allowed; allowed: a number from 0 to 15"),
+    (lambda: alarm(421, within_s="0.5"), "alarm.within_s: '0.5' is not allowed; allowed: a time >= 0 s"),
+    (lambda: no_alarm(besides=("421",)), "no_alarm.besides: '421' is not allowed"),
+]
+
+
+def test_a_fault_names_the_drives_and_axes_that_it_could_be_about(broken, subtests):
+    """Nothing is injected into the first drive or axis by chance; where only one can be meant it is."""
+    bench, _, _ = broken
+    faults = Injector(bench)
+    for kind, target, parameters, words in TARGETS:
+        with subtests.test(kind=kind, target=target):
+            with pytest.raises(ConfigurationError) as caught:
+                faults.inject(kind, target, **parameters)
+            assert words in str(caught.value)
+    assert not faults.armed
+    assert faults.inject("telegram.sign_of_life", trigger=at(900.0)).target == "z_drive"
+
+
+def test_an_alarm_is_a_number(subtests):
+    """A text, a fraction and a reaction that does not exist are refused before anything is judged."""
+    for make, words in NO_ALARMS:
+        with subtests.test(words):
+            with pytest.raises(ConfigurationError) as caught:
+                make()
+            assert words in str(caught.value)
+    assert alarm(421, reaction=4).number == 421
