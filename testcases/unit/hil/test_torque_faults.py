@@ -194,7 +194,7 @@ def test_a_blocked_motor_under_a_torque_range(announced):
             (alarm,) = [
                 one for one in machine.history.select(kind="alarm.raised") if one.data["number"] == 421
             ]
-            assert "1EDCh" in alarm.data["text"]  # 7900, motor blocked
+            assert "drive fault 7900" in alarm.data["text"]  # motor blocked
             assert axis.state is AxisState.ALARM_DISABLED
 
 
