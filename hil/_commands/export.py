@@ -64,7 +64,7 @@ def export_trace(
     return 0
 
 
-def _write_bus(trace: Trace, output: Path, bus: str, signals: Sequence[str]) -> dict[str, Any]:
+def _write_bus(trace: Trace, output: Path, bus: str, signals: Sequence[str]) -> dict[str, object]:
     from fieldbus.can.export import write_log
 
     if signals:

@@ -18,7 +18,11 @@ from hil.logs._nodes import LogNode, node_of
 from hil.record import PackedFrames, Trace, TraceGroup
 
 if TYPE_CHECKING:
+    from fieldbus.canopen.decode import FrameDecoder
     from fieldbus.can.frame import CanFrame
+    from hil.bench.bench import Bench
+    from hil.protocols import BenchFile
+    from hil.record import BusFrame
 
 LOG_KINDS: Final = (
     "drive.state",
@@ -48,14 +52,16 @@ class LogTrace:
     """A decoded log."""
 
     trace: Trace
-    decode: Callable[[CanFrame], str]
+    decode: Callable[[BusFrame], str]
     notes: list[str] = field(default_factory=list)
     """What a reader of the verdict should know: nodes that nobody knows, frames left out."""
     bench_name: str = ""
     bench_text: str = ""
 
 
-def trace_of_log(log: BusLog, bench_file: Any, *, channels: Mapping[str, str] | None = None) -> LogTrace:
+def trace_of_log(
+    log: BusLog, bench_file: BenchFile[Bench], *, channels: Mapping[str, str] | None = None
+) -> LogTrace:
     """Return the trace of a log, with the signals, words, states and faults that its frames show.
 
     Args:
@@ -210,7 +216,7 @@ class _Reading:
         self._facts = facts
         self._emit = emit
         self.nodes: list[LogNode] = [node_of(one, emit) for one in facts.nodes]
-        self._words: dict[str, Any] = {}
+        self._words: dict[str, FrameDecoder] = {}
         self.notes: list[str] = []
 
     def read(self, segment: str, log: PackedFrames) -> dict[int, int]:
@@ -275,10 +281,10 @@ class _Reading:
                     f"bytes, {wanted} by the bench file"
                 )
 
-    def decode(self, frame: CanFrame) -> str:
+    def decode(self, frame: BusFrame) -> str:
         """Return a frame in words, by the mapping at the end of the log."""
-        decoder = next(iter(self._words.values()))
-        return str(decoder.decode(frame))
+        assert isinstance(frame, CanFrame)  # a log holds no other
+        return next(iter(self._words.values())).decode(frame)
 
     def groups(self) -> list[TraceGroup]:
         """Return the recorded rows of nodes and axes, the axes first."""
