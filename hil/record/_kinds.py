@@ -107,6 +107,7 @@ EVENT_KINDS: Final = MappingProxyType(
         "node.failed": "a node could not be taken into service",
         "node.lost": "the controller has lost a node",
         "panel.control": "a control panel takes an axis from the user program, or gives it back",
+        "power.disable": "MC_Power.Enable falls",
         "power.status": "MC_Power.Status changes",
         "power.waits": "MC_Power waits for something before it can enable",
         "program.error": "a variable was accessed wrongly",

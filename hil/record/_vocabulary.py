@@ -53,7 +53,7 @@ EVENT_DETAILS: Final[Mapping[str, tuple[str, ...]]] = {
     "alarm.cleared": ("number",),
     "alarm.gone": ("number",),
     "alarm.raised": ("number", "reaction", "alarm_class", "info", "text"),
-    "axis.homed": ("mode", "offset"),
+    "axis.homed": ("mode", "offset", "position"),
     "axis.state": ("from", "to"),
     "controller.state": ("from", "to", "reason"),
     "drive.fault": ("code", "number", "persistent", "text"),
@@ -72,11 +72,22 @@ EVENT_DETAILS: Final[Mapping[str, tuple[str, ...]]] = {
     "job.error": _JOB,
     "job.in_velocity": _JOB,
     "job.leaves_velocity": _JOB,
-    "job.started": _JOB,
+    "job.started": (
+        *_JOB,
+        "mode",
+        "velocity",
+        "acceleration",
+        "deceleration",
+        "jerk",
+        "position",
+        "distance",
+    ),
     "log.heard": ("values",),
     "log.silent": ("reason", "values"),
     "nmt.state": ("from", "to"),
+    "power.disable": ("stop_mode",),
     "power.status": ("value",),
+    "program.write": ("variable", "value", "in_runtime_unit", "start"),
 }
 """Details of the kinds that always have the same ones; a source leaves out those that it does not know."""
 
