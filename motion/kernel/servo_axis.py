@@ -130,7 +130,9 @@ class ServoAxis:
         """The axis forms the setpoints, and its position controller may be closed."""
         self.position_controlled = False
         # -- control and outputs
-        self.controller: PositionControl = VirtualControl(SimulatedPort(cycle_s, 1.0))
+        self.controller: PositionControl = VirtualControl(
+            SimulatedPort(cycle_s, 1.0), cycle_s=cycle_s, acceleration=self.given_acceleration
+        )
         self.in_drive = False
         """The drive closes the position loop (dynamic servo control)."""
         self.speed_output_rpm = 0.0

@@ -115,7 +115,7 @@ def superimposed_room(ctx: CaseContext) -> None:
     )
 
 
-@INTERPOLATOR.case("constant-travel", requirements=("CFG-152",))
+@INTERPOLATOR.case("constant-travel", requirements=("CTL-039",))
 def constant_travel(ctx: CaseContext) -> None:
     """Three servo cycles to one of the interpolator: what the drive is given moves evenly, and the drive
     follows evenly.
@@ -129,10 +129,10 @@ def constant_travel(ctx: CaseContext) -> None:
     ctx.run_for(0.3)
     velocity = ctx.trace()[f"{drive}.velocity"]
     during = velocity.values[velocity.time_s > since] * 1000.0
-    ctx.measure("unevenness of the drive", float(np.ptp(during)), "mm/s", high=0.5, requirements=("CFG-152",))
+    ctx.measure("unevenness of the drive", float(np.ptp(during)), "mm/s", high=0.5)
     error = ctx.trace()[f"{axis}.following_error"]
     lag = float(np.abs(error.values[error.time_s > since]).max())
-    ctx.measure("following error", lag, "mm", high=0.1)
+    ctx.measure("following error", lag, "mm", high=0.1, requirements=("CTL-039",))
 
 
 _DIFFERENCE: Final = 0.4

@@ -469,6 +469,7 @@ class TechnologyAxis(TechnologyObject):
             simulated_port,
             dynamic_filter_of(store, servo.cycle_s, precontrol=self.torque.precontrols),
             virtual=servo.virtual,
+            acceleration=servo.given_acceleration,
             cycle_s=servo.cycle_s,
             delay_s=servo.delay_s,
             in_drive=servo.in_drive,
