@@ -54,15 +54,17 @@ from fieldbus.modbus.serial_line import (
 )
 from fieldbus.modbus.server import ModbusServer
 from fieldbus.modbus.sockets import SocketNetwork
-from fieldbus.modbus.stations import RtuStation, TcpStation
+from fieldbus.modbus.stations import DEFAULT_LIMITS, ConnectionLimits, RtuStation, TcpStation
 from fieldbus.modbus.tcp_client import TcpClient
 from fieldbus.modbus.tcp_link import TcpEnd, TcpLink, TcpSegment
 
 __all__ = [
+    "DEFAULT_LIMITS",
     "LIMITS",
     "Area",
     "Block",
     "Change",
+    "ConnectionLimits",
     "Diagnostic",
     "DriveMap",
     "ExceptionCode",

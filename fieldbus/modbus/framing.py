@@ -97,6 +97,8 @@ class TcpResponder:
     def __init__(self, server: ModbusServer) -> None:
         self._server = server
         self._splitter = TcpSplitter()
+        self.requests = 0
+        """Complete requests so far."""
         self.ignored = 0
         """Requests for other units."""
 
@@ -104,6 +106,11 @@ class TcpResponder:
     def broken(self) -> bool:
         """Whether the connection has to be closed because of a wrong header."""
         return self._splitter.broken
+
+    @property
+    def pending(self) -> int:
+        """Bytes of a request that is not complete."""
+        return self._splitter.pending
 
     def receive(self, data: bytes) -> bytes:
         """Take bytes of any number of frames or parts of them; return the responses."""
@@ -115,6 +122,7 @@ class TcpResponder:
         server = self._server
         was_broken = self._splitter.broken
         for transaction, unit, pdu in self._splitter.feed(data):
+            self.requests += 1
             server.bus_messages += 1
             if unit not in (0, 255) and not server.addresses(unit):
                 self.ignored += 1

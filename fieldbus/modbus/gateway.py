@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from typing import Final, Generic
 
+from fieldbus.clock import Scheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.modbus._pymodbus import exception_response
 from fieldbus.modbus.client import Job, Outcome, Result
@@ -14,7 +15,7 @@ from fieldbus.modbus.framing import TcpSplitter, tcp_frame
 from fieldbus.modbus.pdu import decode_request, is_well_formed
 from fieldbus.modbus.rtu_client import RtuClient
 from fieldbus.modbus.server import SERVED
-from fieldbus.modbus.stations import End, Network
+from fieldbus.modbus.stations import DEFAULT_LIMITS, ConnectionLimits, End, Network, RequestTimer
 
 _HIGHEST_UNIT: Final = 247
 _X: Final = ExceptionCode
@@ -31,24 +32,38 @@ class TcpGateway(Generic[End]):
     Args:
         network: Where the connections come from.
         master: The gateway's place on the line, which nobody else uses.
+        scheduler: Time.
         waiting: Most requests that are kept, 1..255; a further one is refused.
+        limits: What its clients may ask of it.
 
     Raises:
         ConfigurationError: `waiting` is out of its range.
 
     """
 
-    def __init__(self, network: Network[End], master: RtuClient, *, waiting: int = 16) -> None:
+    def __init__(
+        self,
+        network: Network[End],
+        master: RtuClient,
+        scheduler: Scheduler,
+        *,
+        waiting: int = 16,
+        limits: ConnectionLimits = DEFAULT_LIMITS,
+    ) -> None:
         if not 1 <= waiting <= 255:
             raise ConfigurationError("gateway, waiting", waiting, "1..255")
         self.master = master
+        self.scheduler = scheduler
+        self.limits = limits
         self._most = waiting
         self._kept = 0
         self.ends: list[End] = []
         """Its ends of the open connections."""
         network.listen(self._accept)
 
-    def _accept(self, end: End) -> _Passage[End]:
+    def _accept(self, end: End) -> _Passage[End] | None:
+        if len(self.ends) >= self.limits.connections:
+            return None
         self.ends.append(end)
         return _Passage(self, end)
 
@@ -98,19 +113,27 @@ class _Passage(Generic[End]):
         self._gateway = gateway
         self._end = end
         self._splitter = TcpSplitter()
+        self._timer = RequestTimer(gateway.scheduler, gateway.limits.request_ns, self._close)
 
     def opened(self) -> None:
         """Nothing to do: a server waits."""
 
     def receive(self, data: bytes) -> None:
         """Pass on what is complete; a wrong header ends the connection (MODB-037)."""
-        for transaction, unit, pdu in self._splitter.feed(data):
+        frames = self._splitter.feed(data)
+        self._timer.look(self._splitter.pending, completed=bool(frames))
+        for transaction, unit, pdu in frames:
             self._gateway.ask(self._end, transaction, unit, pdu)
         if self._splitter.broken and self._end.open:
+            self._close()
+
+    def _close(self) -> None:
+        if self._end.open:
             self._end.close()
-            self.closed("closed")
+        self.closed("closed")
 
     def closed(self, reason: str) -> None:  # noqa: ARG002 - whatever the reason
         """Forget the connection; transfers in progress continue without it."""
+        self._timer.stop()
         if self._end in self._gateway.ends:
             self._gateway.ends.remove(self._end)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Generic, Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Final, Generic, Protocol, TypeVar
 
-from fieldbus.clock import MS, Scheduler
+from fieldbus.clock import MS, S, Scheduler, Timer
+from fieldbus.errors import ConfigurationError
 from fieldbus.modbus.framing import RtuResponder, TcpResponder
 from fieldbus.modbus.serial_line import FrameAssembler, SerialFormat, SerialLine
 from fieldbus.modbus.server import ModbusServer
@@ -35,6 +37,67 @@ class Network(Protocol[End_co]):
 
     def listen(self, accept: Callable[[End_co], TcpHandler | None] | None) -> None:
         """Call `accept` with every new connection."""
+
+
+@dataclass(frozen=True)
+class ConnectionLimits:
+    """What the clients of a server may ask of it.
+
+    Raises:
+        ConfigurationError: A value is out of its range.
+
+    """
+
+    connections: int = 64
+    """Most connections at the same time, 1..1000; a further one is closed at once."""
+    request_ns: int = 5 * S
+    """Longest time from the first byte of a request to its last one, ns, above 0; then the connection is
+    closed.
+    """
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.connections <= 1000:
+            raise ConfigurationError("connections", self.connections, "1..1000")
+        if self.request_ns <= 0:
+            raise ConfigurationError("request_ns", self.request_ns, "above 0")
+
+
+DEFAULT_LIMITS: Final = ConnectionLimits()
+
+
+class RequestTimer:
+    """Ends a connection on which a request has begun and does not get complete.
+
+    Args:
+        scheduler: Time.
+        longest_ns: From the first byte of a request to its last one, ns.
+        expired: Called when it takes longer.
+
+    """
+
+    def __init__(self, scheduler: Scheduler, longest_ns: int, expired: Callable[[], None]) -> None:
+        self._scheduler = scheduler
+        self._longest_ns = longest_ns
+        self._expired = expired
+        self._timer: Timer | None = None
+
+    def look(self, pending: int, *, completed: bool) -> None:
+        """Take note of what came.
+
+        Args:
+            pending: Bytes of the request that is not complete.
+            completed: Whether a request before it became complete, so that this one has just begun.
+
+        """
+        if self._timer is not None and (completed or not pending):
+            self._timer.cancel()
+            self._timer = None
+        if pending and self._timer is None:
+            self._timer = self._scheduler.after(self._longest_ns, self._expired)
+
+    def stop(self) -> None:
+        """End the supervision."""
+        self.look(0, completed=False)
 
 
 class RtuStation:
@@ -122,7 +185,7 @@ class TcpStation(Generic[End]):
         link: Network.
         server: What answers.
         processing_ns: From a request to its response, ns.
-        connections: Most connections at the same time; a further one is refused.
+        limits: What its clients may ask of it.
 
     """
 
@@ -133,12 +196,12 @@ class TcpStation(Generic[End]):
         server: ModbusServer,
         *,
         processing_ns: int = MS,
-        connections: int = 16,
+        limits: ConnectionLimits = DEFAULT_LIMITS,
     ) -> None:
         self.scheduler = scheduler
         self.server = server
         self.processing_ns = processing_ns
-        self._limit = connections
+        self.limits = limits
         self.ends: list[End] = []
         """Its ends of the open connections."""
         self.silent = False
@@ -162,7 +225,7 @@ class TcpStation(Generic[End]):
         self._online = online
 
     def _accept(self, end: End) -> _Served[End] | None:
-        if not self._online or len(self.ends) >= self._limit:
+        if not self._online or len(self.ends) >= self.limits.connections:
             return None
         self.ends.append(end)
         return _Served(self, end)
@@ -175,6 +238,7 @@ class _Served(Generic[End]):
         self._station = station
         self._end = end
         self._responder = TcpResponder(station.server)
+        self._timer = RequestTimer(station.scheduler, station.limits.request_ns, self._close)
 
     def opened(self) -> None:
         """Nothing to do: a server waits."""
@@ -187,7 +251,9 @@ class _Served(Generic[End]):
         if end not in station.ends:  # a connection from before the supply was lost
             end.close()
             return
+        requests = self._responder.requests
         answers = self._responder.responses(data)
+        self._timer.look(self._responder.pending, completed=self._responder.requests > requests)
         if station.silent:
             answers.clear()
         if station.processing_ns == 0:
@@ -203,10 +269,12 @@ class _Served(Generic[End]):
             self._end.send(answer)
 
     def _close(self) -> None:
-        self._end.close()
+        if self._end.open:
+            self._end.close()
         self.closed("closed")
 
     def closed(self, reason: str) -> None:  # noqa: ARG002 - whatever the reason
         """Forget the connection."""
+        self._timer.stop()
         if self._end in self._station.ends:
             self._station.ends.remove(self._end)

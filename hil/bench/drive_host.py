@@ -129,9 +129,9 @@ class DriveHost:
         table = self._config.drive[name]
         assert isinstance(table, ProfidriveModbusTable)
         assert isinstance(segment, TcpTable)
-        network = SocketNetwork(self.scheduler)
+        network = SocketNetwork(self.scheduler, unread_ns=round(segment.unread_timeout_s * S))
         self._networks.append(network)
-        drive.listen(network)
+        drive.listen(network, limits=segment.limits())
         self.places[name] = network.serve(*table.address(segment))
 
     def execute(self, command: Mapping[str, Any]) -> object:

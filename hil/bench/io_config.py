@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from emulators.io import CounterInput, DigitalInput, ModbusIoStation
     from fieldbus.clock import Scheduler
     from fieldbus.history import History
-    from fieldbus.modbus import SerialLine, TcpLink
+    from fieldbus.modbus import ConnectionLimits, SerialLine, TcpLink
     from hil.bench._site import DeviceSite
     from hil.bench.modbus_links import ModbusSegment
     from motion.drives.station import StationInputs, StationLink
@@ -43,11 +43,17 @@ class WiredStation:
         self.station = station
         self._processing_ns = processing_ns
 
-    def listen(self, network: TcpLink) -> None:
+    def listen(self, network: TcpLink, *, limits: ConnectionLimits) -> None:
         """Answer on a network."""
         from fieldbus.modbus import TcpStation
 
-        TcpStation(self._scheduler, network, self.station.server, processing_ns=self._processing_ns)
+        TcpStation(
+            self._scheduler,
+            network,
+            self.station.server,
+            processing_ns=self._processing_ns,
+            limits=limits,
+        )
 
     def attach(self, line: SerialLine) -> None:
         """Answer on a serial line."""

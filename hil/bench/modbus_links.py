@@ -25,7 +25,7 @@ from hil.bench.segment_config import ModbusTable, TcpTable
 
 if TYPE_CHECKING:
     from fieldbus.clock import Scheduler
-    from fieldbus.modbus import Change, LinkHook, LogEntry, SerialFormat
+    from fieldbus.modbus import Change, ConnectionLimits, LinkHook, LogEntry, SerialFormat
     from fieldbus.modbus.tcp_client import Connector
     from motion.drives.profidrive_modbus import ProfidriveModbusPort
 
@@ -39,7 +39,7 @@ _OUTSTANDING: Final = 16
 class ModbusDevice(Protocol):
     """An emulated drive or station that answers on Modbus."""
 
-    def listen(self, network: TcpLink) -> object:
+    def listen(self, network: TcpLink, *, limits: ConnectionLimits) -> object:
         """Serve a virtual network."""
 
     def attach(self, line: SerialLine) -> object:
@@ -95,7 +95,7 @@ class ModbusSegment:
         """Put an emulated drive on the virtual network or line."""
         if isinstance(self.table, TcpTable):
             link = TcpLink(self.scheduler, self.name, latency_ns=self.table.latency_ns)
-            device.listen(link)
+            device.listen(link, limits=self.table.limits())
             log = TcpLog(link.log, client=CONTROLLER, names={_SERVER: name})
             client = self._tcp_client(lambda handler: link.connect(CONTROLLER, handler))
             self._channels.append(_Channel(log, client, link, drives=[name]))

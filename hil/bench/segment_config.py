@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from fieldbus.clock import MS, US
+from fieldbus.clock import MS, US, S
 from hil.bench._table import Port, Table
 
 if TYPE_CHECKING:
-    from fieldbus.modbus import SerialFormat
+    from fieldbus.modbus import ConnectionLimits, SerialFormat
 
 RESERVED_OPTIONS: Final = (
     "interface",
@@ -151,9 +151,21 @@ class TcpTable(_ModbusTable, frozen=True):
     host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
     """Address of the drives of a live bench that have no `host` of their own."""
     port: Port = 0
-    """Their TCP port; 0 = a free one, for emulated drives."""
+    """Their TCP port; 0 = a free one, for emulated drives. A bench in virtual time has no use for `host` and
+    `port`; `hil emulate` serves its drives there.
+    """
     latency_us: Annotated[float, Field(ge=0.0, le=10_000_000.0)] = 100.0
     """Time from one end of a virtual network to the other."""
+    connections: Annotated[int, Field(ge=1, le=1000)] = 64
+    """Most connections that an emulated drive takes at the same time; it closes a further one at once."""
+    request_timeout_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 5.0
+    """Longest time from the first byte of a request to its last one; then an emulated drive closes the
+    connection.
+    """
+    unread_timeout_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 5.0
+    """How long a client may take nothing of its responses; then an emulated drive closes the connection. On a
+    live bench only.
+    """
 
     def check(self, where: str, *, live: bool) -> None:
         """Check the table for a kind of bench.
@@ -164,10 +176,12 @@ class TcpTable(_ModbusTable, frozen=True):
         """
         if live and self.latency_us != TcpTable.model_fields["latency_us"].default:
             raise ValueError(f"{where}.latency_us: a live network has its own; only on a virtual bench")
-        places = {"host": self.host, "port": self.port}
-        for key, value in places.items():
-            if not live and value != TcpTable.model_fields[key].default:
-                raise ValueError(f'{where}.{key}: a virtual bench has no such place; set bench.kind = "live"')
+
+    def limits(self) -> ConnectionLimits:
+        """Return what clients may ask of an emulated drive."""
+        from fieldbus.modbus import ConnectionLimits
+
+        return ConnectionLimits(self.connections, round(self.request_timeout_s * S))
 
     @property
     def latency_ns(self) -> int:

@@ -22,6 +22,8 @@ from fieldbus.clock import MS, Scheduler, seconds_to_ns
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from fieldbus.history import History
 from fieldbus.modbus import (
+    DEFAULT_LIMITS,
+    ConnectionLimits,
     DriveMap,
     ExceptionCode,
     ModbusServer,
@@ -160,7 +162,9 @@ class ProfidriveModbusDrive(DriveOnBus):
 
     # -- bus -------------------------------------------------------------------------------------------
 
-    def listen(self, network: TcpLink | SocketNetwork, *, connections: int = 16) -> TcpStation[Any]:
+    def listen(
+        self, network: TcpLink | SocketNetwork, *, limits: ConnectionLimits = DEFAULT_LIMITS
+    ) -> TcpStation[Any]:
         """Serve a TCP network; every unit is answered, and every process data register
         keeps the time-out off (PD-292).
 
@@ -176,7 +180,7 @@ class ProfidriveModbusDrive(DriveOnBus):
             network,
             self.server,
             processing_ns=self.modbus_config.processing_ns,
-            connections=connections,
+            limits=limits,
         )
         station.online = self._online
         return station

@@ -38,7 +38,7 @@ class Plant:
             self.stations[unit] = RtuStation(self.scheduler, self.line, server, name=f"unit {unit}")
         self.link = TcpLink(self.scheduler)
         master = RtuClient(self.scheduler, self.line, retries=0, timeout_ns=100 * MS)
-        self.gateway = TcpGateway(self.link, master, **options)
+        self.gateway = TcpGateway(self.link, master, self.scheduler, **options)
 
     def client(self, outstanding=16):
         return TcpClient(

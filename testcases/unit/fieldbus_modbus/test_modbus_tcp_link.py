@@ -6,6 +6,7 @@ from fieldbus.clock import MS, S, VirtualScheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.modbus import (
     Change,
+    ConnectionLimits,
     ModbusServer,
     Outcome,
     Request,
@@ -102,12 +103,49 @@ def test_a_wrong_header_ends_the_connection(rig, header):
 
 def test_connections_are_limited():
     """One more connection than the station has is refused; a place that is left is free again."""
-    rig = Rig(connections=2)
+    rig = Rig(limits=ConnectionLimits(connections=2))
     first, second, third = rig.peer(), rig.peer(), rig.peer()
     assert (first.events, second.events, third.events) == (["opened"], ["opened"], ["refused"])
     first.end.close()
     rig.scheduler.run_for(MS)
     assert rig.peer().events == ["opened"]
+
+
+def test_a_request_has_to_become_complete_in_time():
+    """The time runs from the first byte of a request: a byte now and then does not prolong it, a request that
+    is complete ends it, and the one behind that has its own.
+    """
+    rig = Rig(limits=ConnectionLimits(request_ns=5 * S), processing_ns=0)
+    request = tcp_frame(1, 1, READ.encode())
+    for begin_ns, closes_ns in ((5 * S, True), (5 * S - 2 * MS, False)):
+        slow = rig.peer()
+        slow.end.send(request[:4])
+        rig.scheduler.run_for(begin_ns - 1 * S)
+        slow.end.send(request[4:8])
+        rig.scheduler.run_for(1 * S)
+        slow.end.send(request[8:])
+        rig.scheduler.run_for(10 * MS)
+        assert slow.events == (["opened", "closed"] if closes_ns else ["opened"])
+        assert slow.got == (b"" if closes_ns else tcp_frame(1, 1, ANSWER))
+    pairs = rig.peer()
+    pairs.end.send(request[:4])
+    for _ in range(4):
+        rig.scheduler.run_for(4 * S)
+        pairs.end.send(request[4:] + request[:4])
+    rig.scheduler.run_for(4 * S)
+    assert pairs.got == tcp_frame(1, 1, ANSWER) * 4
+    assert pairs.events == ["opened"]
+    rig.scheduler.run_for(2 * S)
+    assert pairs.events == ["opened", "closed"]
+    assert len(rig.station.ends) == 1
+
+
+def test_limits_of_connections_are_checked():
+    """A server that takes no connection, or no time for a request, is refused."""
+    with pytest.raises(ConfigurationError, match="connections"):
+        ConnectionLimits(connections=0)
+    with pytest.raises(ConfigurationError, match="request_ns"):
+        ConnectionLimits(request_ns=0)
 
 
 @pytest.mark.requirement("MODB-036", "MODB-039")

@@ -61,8 +61,8 @@ def check(name, changes):
         ),
         (
             "profidrive_tcp",
-            {"latency_us = 100": 'host = "10.0.0.1"'},
-            'host: a virtual bench has no such place; set bench.kind = "live"',
+            {"latency_us = 100": "connections = 0"},
+            "connections",
         ),
         (
             "profidrive_tcp",
