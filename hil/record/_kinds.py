@@ -82,6 +82,7 @@ EVENT_KINDS: Final = MappingProxyType(
         "heartbeat.lost": "a heartbeat is missing",
         "homing.phase": "active homing goes on with another part of its motion",
         "homing.started": "active homing begins its motion, or passive homing begins to wait for its mark",
+        "cam.interpolated": "a cam has a function from now on",
         "job.aborted": "CommandAborted",
         "job.active": "the job is in control",
         "job.done": "Done",

@@ -31,6 +31,13 @@ class CyclicEncoder(Protocol):
         """Do what needs the inputs of all axes."""
 
 
+class Background(Protocol):
+    """An object without inputs and outputs as the task calls it."""
+
+    def cycle(self) -> None:
+        """Run one application cycle, after the axes."""
+
+
 A = TypeVar("A", bound=CyclicAxis)
 E = TypeVar("E", bound=CyclicEncoder)
 
@@ -70,6 +77,8 @@ class Task(Generic[A, E]):
         self.run_program = program
         self.axes: list[A] = []
         self.encoders: list[E] = []
+        self.background: list[Background] = []
+        """Objects without inputs and outputs, such as cams."""
         self.after_cycle: list[Callable[[], object]] = []
         """Called at the end of every cycle (recorder, triggers)."""
         self.cycles = 0
@@ -106,6 +115,8 @@ class Task(Generic[A, E]):
                 axis.cycle()
         for encoder in self.encoders:
             encoder.finish_cycle()
+        for one in self.background:
+            one.cycle()
 
     def end_cycle(self) -> None:
         """Call what looks on at the end of a cycle."""

@@ -15,6 +15,8 @@ from fieldbus.errors import ConfigurationError
 
 TECHNOLOGY_ONLY: Final = frozenset({
     "MC_SetSensor", "MC_MotionInVelocity", "MC_MotionInPosition", "MC_MotionInSuperimposed",
+    "MC_InterpolateCam", "MC_GetCamLeadingValue", "MC_GetCamFollowingValue", "MC_GetCamFollowingValueCyclic",
+    "MC_CopyCamData",
 })  # fmt: skip
 """Instructions of the technology processors alone (CFG-062)."""
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from fieldbus.clock import Scheduler
     from fieldbus.history import History
     from motion.s7.axis import ExternalEncoder, TechnologyAxis
+    from motion.s7.cams import Cam
     from motion.s7.instructions import Instruction
 
 
@@ -62,6 +63,8 @@ class Runtime:
         """What runs in every cycle."""
         self.task.axes = self.axes
         self.encoders = self.task.encoders
+        self.cams: list[Cam] = []
+        """Cam technology objects."""
         self.after_cycle = self.task.after_cycle
         """Called at the end of every application cycle (recorder, triggers)."""
         self.data_blocks = DataBlocks()
@@ -76,7 +79,9 @@ class Runtime:
             interpolator_ns=interpolator_ns or cycle_ns,
             send_clock_ns=send_clock_ns or cycle_ns,
         )
-        self.controller = Controller(self.task, self.user_program, levels, self.data_blocks, history)
+        self.controller = Controller(
+            self.task, self.user_program, levels, self.data_blocks, history, cams=self.cams
+        )
         """The CPU around this runtime: operating states and diagnostics buffer."""
         self.controller.on_warm_restart = self._forget_save
         self.controller.renew_cycle()
@@ -93,9 +98,14 @@ class Runtime:
         """Take an external encoder into the cycle, before the axes."""
         self.encoders.append(encoder)
 
+    def add_cam(self, cam: Cam) -> None:
+        """Take a cam into the cycle, after the axes."""
+        self.cams.append(cam)
+        self.task.background.append(cam)
+
     @property
     def objects(self) -> list[TechnologyAxis | ExternalEncoder]:
-        """All technology objects."""
+        """All technology objects with inputs and outputs."""
         return [*self.encoders, *self.axes]
 
     def insert_card(self, folder: Path) -> bool:

@@ -11,12 +11,28 @@ from motion.kernel.cams.interpolation import (
     interpolate,
 )
 from motion.kernel.cams.inverse import NEAREST, NEGATIVE, POSITIVE, Inverse
+from motion.kernel.cams.laws import Characteristics, Law
 from motion.kernel.cams.pieces import BezierPiece, Piece, Point, Polynomial, Segment, Values
 from motion.kernel.cams.scaled import APPENDING, CYCLIC, ONCE, ScaledCurve
+from motion.kernel.cams.transitions import (
+    APPROXIMATION,
+    LAWS,
+    Elements,
+    End,
+    LawError,
+    LawKind,
+    law_between,
+    law_elements,
+    proposed,
+    selectable,
+    transition,
+)
 
 __all__ = [
     "APPENDING",
+    "APPROXIMATION",
     "CYCLIC",
+    "LAWS",
     "NEAREST",
     "NEGATIVE",
     "ONCE",
@@ -25,11 +41,17 @@ __all__ = [
     "BezierPiece",
     "Boundary",
     "CamError",
+    "Characteristics",
     "Curve",
+    "Elements",
     "EmptyCamError",
+    "End",
     "Interpolation",
     "InvalidCamError",
     "Inverse",
+    "Law",
+    "LawError",
+    "LawKind",
     "Piece",
     "Point",
     "Polynomial",
@@ -37,4 +59,9 @@ __all__ = [
     "Segment",
     "Values",
     "interpolate",
+    "law_between",
+    "law_elements",
+    "proposed",
+    "selectable",
+    "transition",
 ]

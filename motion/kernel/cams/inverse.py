@@ -39,11 +39,11 @@ class Inverse:
         self._rounding = _ROUNDING * max(abs(self.lowest), abs(self.highest))
         self._span = _ROUNDING * max(abs(curve.start), abs(curve.end))
 
-    def reaches(self, y: float) -> bool:
-        """Return whether the curve has the following value anywhere."""
-        return bool(self.solutions(y))
+    def reaches(self, y: float, margin: float = 0.0) -> bool:
+        """Return whether the curve has the following value, or one that differs by `margin`, anywhere."""
+        return bool(self.solutions(y, margin))
 
-    def find(self, y: float, approach: float, direction: int = NEAREST) -> float | None:
+    def find(self, y: float, approach: float, direction: int = NEAREST, margin: float = 0.0) -> float | None:
         """Return one leading value that has a following value; None when there is none in that direction.
 
         Args:
@@ -51,11 +51,12 @@ class Inverse:
             approach: Leading value from which it is looked for; it may be outside of the curve.
             direction: `POSITIVE` or `NEGATIVE`: the next one on that side, which is not `approach` itself
                 (CAM-065); `NEAREST`: of two at the same distance the larger one (CAM-063).
+            margin: By what `y` has been rounded at most.
 
         """
         found: float | None = None
         best = 0.0
-        for low, high in self.solutions(y):
+        for low, high in self.solutions(y, margin):
             if direction == NEAREST:
                 candidate = min(max(approach, low), high)
                 distance = abs(candidate - approach)
@@ -71,12 +72,12 @@ class Inverse:
                     found = candidate
         return found
 
-    def solutions(self, y: float) -> list[tuple[float, float]]:
+    def solutions(self, y: float, margin: float = 0.0) -> list[tuple[float, float]]:
         """Return the leading values that have a following value, ascending, as ranges: where the curve
         stands still they have a length.
         """
         found: list[tuple[float, float]] = []
-        margin = self._rounding
+        margin += self._rounding
         for number, (low, high, first, last) in enumerate(self._ends):
             if first < last:
                 if not first - margin <= y <= last + margin:

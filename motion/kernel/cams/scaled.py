@@ -17,6 +17,7 @@ APPENDING: Final = 2
 """It is repeated; every run begins where the one before ended (CAM-108)."""
 
 _ROUNDING: Final = 1e-12
+_EPSILON: Final = 4e-16
 
 
 class ScaledCurve:
@@ -135,19 +136,28 @@ class ScaledCurve:
         if self.master_scaling < 0.0:
             direction = {POSITIVE: NEGATIVE, NEGATIVE: POSITIVE}.get(direction, direction)
         wanted = self._following(inverse, y)
-        found = None if wanted is None else inverse.find(wanted, self.argument(approach), direction)
+        found = (
+            None
+            if wanted is None
+            else inverse.find(wanted, self.argument(approach), direction, self._margin(y))
+        )
         return None if found is None else found * self.master_scaling + self.master_offset
 
     def reaches(self, inverse: Inverse, y: float) -> bool:
         """Return whether one run has the following value, scaled and shifted, anywhere."""
         wanted = self._following(inverse, y)
-        return wanted is not None and inverse.reaches(wanted)
+        return wanted is not None and inverse.reaches(wanted, self._margin(y))
 
     def _following(self, inverse: Inverse, y: float) -> float | None:
         """Return the following value of the cam itself; None: there is none, since the scaling is 0."""
         if self.slave_scaling == 0.0:
             return inverse.lowest if y == self.slave_offset else None
         return (y - self.slave_offset) / self.slave_scaling
+
+    def _margin(self, y: float) -> float:
+        """Return by what the following value of the cam itself is rounded at most."""
+        slave = self.slave_scaling
+        return 0.0 if slave == 0.0 else _EPSILON * (abs(y) + abs(self.slave_offset)) / abs(slave)
 
     def _cycle(self, argument: float) -> int:
         curve = self.curve

@@ -130,6 +130,22 @@ class Enabling(Protocol):
         """Take the inputs of `MC_Power` over."""
 
 
+class Restartable(Protocol):
+    """What `MC_Reset` acknowledges or restarts."""
+
+    engine: AlarmEngine
+    """Pending alarms."""
+
+    def begin_restart(self) -> None:
+        """Begin to be initialised."""
+
+    def finish_restart(self) -> None:
+        """Put the start values into force, or raise alarm 101."""
+
+    def acknowledge(self, age: int) -> bool:
+        """Acknowledge the alarms, in the `age`-th cycle of the instruction; returns whether that is done."""
+
+
 class Reset:
     """One execution of `MC_Reset`; the object steps it.
 
@@ -139,7 +155,7 @@ class Reset:
 
     """
 
-    def __init__(self, owner: TechnologyObject, *, restart: bool) -> None:
+    def __init__(self, owner: Restartable, *, restart: bool) -> None:
         self._owner = owner
         self._age = 0
         self.restart = restart

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.clock import MS, S
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from motion.kernel.task import Task
     from motion.s7.axis import ExternalEncoder, TechnologyAxis
     from motion.s7.axis.technology_object import TechnologyObject
+    from motion.s7.cams import Cam
     from motion.s7.data_blocks import DataBlocks
     from motion.s7.program import Program
 
@@ -45,6 +46,7 @@ class Controller:
         data_blocks: Global data blocks of the user program; they lose their values with the supply and at a
             memory reset.
         history: Event log, or None.
+        cams: Its cams.
 
     """
 
@@ -55,7 +57,10 @@ class Controller:
         levels: ExecutionLevels,
         data_blocks: DataBlocks,
         history: History | None,
+        *,
+        cams: Sequence[Cam] = (),
     ) -> None:
+        self._cams = cams
         self._task = task
         self._program = program
         self.data_blocks = data_blocks
@@ -88,16 +93,16 @@ class Controller:
         """Whether it has been in RUN since power-on: before that no inputs are
         read (CFG-290, CFG-291, CFG-295).
         """
-        self._stopping: list[TechnologyObject] = []
-        self._restarts: list[TechnologyObject] = []
-        self._initialising: list[TechnologyObject] = []
+        self._stopping: list[TechnologyObject | Cam] = []
+        self._restarts: list[TechnologyObject | Cam] = []
+        self._initialising: list[TechnologyObject | Cam] = []
         self._run_wanted = False
         self._startup_ends_ns = 0
         self._startup_limit_ns = 0
 
     @property
-    def _objects(self) -> list[TechnologyObject]:
-        return [*self._task.encoders, *self._task.axes]
+    def _objects(self) -> list[TechnologyObject | Cam]:
+        return [*self._task.encoders, *self._task.axes, *self._cams]
 
     def diagnosis(self, newest: int = 20) -> ControllerDiagnosis:
         """Return what the controller says about itself now: `print(bench.controller.diagnosis().text())`.

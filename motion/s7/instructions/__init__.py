@@ -1,6 +1,13 @@
 """PLCopen `MC_` instructions as function blocks: called once per cycle, with edge and level semantics."""
 
 from motion.s7.instructions.base import ExecuteInstruction, Instruction
+from motion.s7.instructions.cams import (
+    MC_CopyCamData,
+    MC_GetCamFollowingValue,
+    MC_GetCamFollowingValueCyclic,
+    MC_GetCamLeadingValue,
+    MC_InterpolateCam,
+)
 from motion.s7.instructions.control_words import MC_SetAxisSTW
 from motion.s7.instructions.home import MC_Home
 from motion.s7.instructions.jog import MC_MoveJog
@@ -18,9 +25,14 @@ from motion.s7.instructions.write_parameter import MC_WriteParameter
 __all__ = [
     "ExecuteInstruction",
     "Instruction",
+    "MC_CopyCamData",
+    "MC_GetCamFollowingValue",
+    "MC_GetCamFollowingValueCyclic",
+    "MC_GetCamLeadingValue",
     "MC_Halt",
     "MC_HaltSuperimposed",
     "MC_Home",
+    "MC_InterpolateCam",
     "MC_MotionInPosition",
     "MC_MotionInSuperimposed",
     "MC_MotionInVelocity",

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _ACTIVE: Final = JobState.ACTIVE
 _STARTERS: Final = frozenset(("Execute", "Enable", "JogForward", "JogBackward"))
+_WITHOUT_MOTION: Final = ("ExternalEncoder", "Cam")
 DEFAULT = -1.0
 """Input value that selects the dynamic default of the technology object (MC-086 to MC-089)."""
 
@@ -36,8 +37,8 @@ class Instruction:
 
     Raises:
         ConfigurationError: An input does not exist, or not on this controller; the controller does not
-            have the instruction (CFG-062); or the object is an external encoder, which the instruction does
-            not know (CFG-061).
+            have the instruction (CFG-062); or the object is an external encoder or a cam, which the
+            instruction does not know (CFG-061).
 
     """
 
@@ -51,7 +52,7 @@ class Instruction:
     """The control panel that the instance belongs to; None = to the user program."""
 
     def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: float) -> None:
-        if axis.object_type == "ExternalEncoder" and self._wrong_object(axis):
+        if axis.object_type in _WITHOUT_MOTION and self._wrong_object(axis):
             raise ConfigurationError(
                 f"{self.instruction}.Axis", axis.name, f"one of {', '.join(self.object_types)}"
             )

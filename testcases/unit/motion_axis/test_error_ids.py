@@ -186,6 +186,33 @@ ELSEWHERE = {
     **dict.fromkeys(
         (0x80EB, 0x80EC, 0x80ED, 0x80EE, 0x80EF), "testcases/unit/motion_axis/test_memory_card.py"
     ),
+    **dict.fromkeys(
+        (
+            0x8021,
+            0x8022,
+            0x8023,
+            0x8024,
+            0x8062,
+            0x8063,
+            0x8064,
+            0x8065,
+            0x8066,
+            0x80AA,
+            0x80AB,
+            0x80AC,
+            0x80E1,
+            0x80E2,
+            0x80E3,
+            0x80E4,
+            0x80E5,
+            0x80E6,
+            0x80E7,
+            0x80E8,
+            0x80E9,
+            0x80EA,
+        ),
+        "testcases/unit/motion_cams/test_cam_objects.py",
+    ),
 }
 """Those that need a control panel, a stop in the way or a memory card, and where they are brought about."""
 
