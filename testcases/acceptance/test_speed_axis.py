@@ -51,6 +51,7 @@ def test_every_stop_mode_disables_the_speed_axis(bench, mode):
     assert job.CommandAborted
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-559")
 def test_drive_fault_on_a_speed_axis(bench):
     """A drive fault raises 421 and is acknowledged together with the drive."""
@@ -149,6 +150,7 @@ def test_absolute_encoder_keeps_its_position_over_a_power_cycle():
         assert axis.var("StatusWord.X5")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-013", "STP-318")
 def test_no_torque_after_the_drives_own_ramp():
     """As soon as a quick stop has ended, the drive gives no torque any more, not even in the step that ends

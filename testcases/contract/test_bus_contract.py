@@ -206,6 +206,7 @@ def test_backend_is_a_segment(backend, near):
     assert backend.near.scheduler is backend.scheduler
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("frame", KINDS, ids=repr)
 def test_frames_arrive_intact(near, far, frame):
     """Identifier, format, kind, length and data arrive as they were sent."""
@@ -243,6 +244,7 @@ def test_two_nodes_of_one_segment_object_see_each_other(backend, near, far):
     second.expect(CanFrame(0x100), CanFrame(0x102))
 
 
+@pytest.mark.exhaustive
 def test_answers_from_the_receive_callback(backend, near):
     """A node may answer while it receives, and the answer arrives after the request."""
     far = backend.far.attach(

@@ -157,6 +157,7 @@ def test_a_fault_has_a_number_until_the_edge_of_the_acknowledgement(rig):
     assert rig.shows(S2)
 
 
+@pytest.mark.exhaustive
 def test_without_supply_there_is_no_link_and_the_count_has_lost_its_reference(rig):
     """A drive without supply: no link, ZSW1 = 0; when it is back an incremental count has started again."""
     rig.operate()
@@ -179,6 +180,7 @@ def test_a_pressed_switch_is_an_input(rig):
     assert rig.until(lambda: rig.port.inputs & INPUT_POSITIVE_LIMIT)
 
 
+@pytest.mark.exhaustive
 def test_release_disables_the_drive(rig):
     """The last telegram switches off a drive that nobody leads any more."""
     rig.operate(600.0)

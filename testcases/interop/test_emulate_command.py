@@ -52,6 +52,7 @@ WRONG_VALUE = TWO_SEGMENTS.replace("node_id = 5", "node_id = 500", 1)
 DEVICE_TYPE = can.Message(arbitration_id=0x605, data=bytes.fromhex("4000100000000000"), is_extended_id=False)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("text", "arguments", "message"),
     [
@@ -158,6 +159,7 @@ def test_it_answers_and_ends_with_a_signal(capsys, request):
     assert signal.getsignal(signal.SIGTERM) is before
 
 
+@pytest.mark.exhaustive
 def test_it_ends_by_itself(capsys, request):
     """After the time of --for it ends with exit code 0."""
     assert main(["emulate", "live", "-i", "virtual", "-c", request.node.name, "--for", "0.2"]) == 0

@@ -75,6 +75,7 @@ def test_encoders_live_with_their_drives(request):
             host.close()
 
 
+@pytest.mark.exhaustive
 def test_hil_emulate_brings_encoders(request, tmp_path, capsys):
     """`hil emulate` names the encoders of a bench file as well as the drives."""
     channel = request.node.name

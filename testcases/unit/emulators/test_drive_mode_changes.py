@@ -63,6 +63,7 @@ def test_no_jump(subtests):
             check_no_jump(*values)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-089", "C402-005")
 @pytest.mark.parametrize("new", MODES, ids=MODES.values())
 def test_no_motion_at_standstill(new):

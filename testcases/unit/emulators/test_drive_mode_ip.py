@@ -170,6 +170,7 @@ def test_configuration_of_the_buffer():
     assert refused(bench, 0x60C0, -1) == 0x06090030
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-099", "C402-172")
 def test_without_a_buffer_the_record_itself_counts():
     """60C4h:6 = 0 (default): the latest 60C1h:1 is taken in each period, by RPDO and SYNC."""
@@ -259,6 +260,7 @@ def test_speed_limit():
     assert bench.read(0x6064) == pytest.approx(4 * REV, abs=1)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-172")
 @given(
     size=st.integers(1, 16),
@@ -286,6 +288,7 @@ def test_buffer_against_a_list(size, organisation, actions):
         assert 0 <= buffer.write < size
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-099")
 @settings(max_examples=10, deadline=None)
 @given(ways=st.lists(st.integers(-700, 700), min_size=1, max_size=16))

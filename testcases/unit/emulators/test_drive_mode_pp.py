@@ -50,6 +50,7 @@ def move(bench: DriveBench, target: int, word: int = 0x1F, wait: float = 1.0) ->
     bench.control(word & ~0x10)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-094", "C402-164", "C402-219", "C402-264")
 @pytest.mark.parametrize(
     ("option", "targets", "angles"),
@@ -72,6 +73,7 @@ def test_directions_on_a_rotary_axis(option, targets, angles):
         assert bench.status & 0x400
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-164")
 def test_positions_wrap_in_motion():
     """6062h and 6064h stay in the range while the axis turns on, and the following error does not see the
@@ -95,6 +97,7 @@ def test_positions_wrap_in_motion():
     assert bench.read(0x6064) == 0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-093", "C402-094")
 def test_relative_targets_of_a_rotary_axis_are_ways():
     """Bit 6: over several turns and back, from the previous target, whatever bits 7..6 of 60F2h say."""
@@ -156,6 +159,7 @@ def test_the_range_itself():
         assert bench.drive.axis.units.turn == 0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-164", "C402-100")
 def test_csp_goes_round():
     """csp: the next target beyond the end of the range is the near one, in both directions."""
@@ -270,6 +274,7 @@ def test_end_velocity(kind):
     assert bench.drive.core.standing
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-095", "C402-257")
 def test_velocity_limits_of_the_directions():
     """60C8h and 60C9h hold each direction back; a lower limit above zero starts no motion."""

@@ -255,6 +255,7 @@ def test_the_table_is_whole():
     assert {row.requirement for row in rows()} == {f"C402-{number}" for number in range(175, 279)}
 
 
+@pytest.mark.exhaustive
 @every_row
 def test_by_sdo(sdo, subtests):
     """Length of the type, default, and the access right with its abort codes."""
@@ -296,6 +297,7 @@ def test_mapping(sdo, direction, record, mapping, subtests):
                 assert refusal(sdo, *arguments) == NOT_MAPPABLE
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     *dict.fromkeys(one for row in rows() if row.kind != "any" for one in row.requirements)
 )

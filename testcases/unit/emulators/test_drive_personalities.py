@@ -116,6 +116,7 @@ def test_objects_of_the_user_win_over_those_of_the_personality(make_bench):
 # -- quirks --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-091", "C402-076")
 def test_halt_blocks_acknowledge(pair):
     """Profile: a setpoint is acknowledged during halt. Quirk: bit 12 stays 0 until halt goes, then it is
@@ -135,6 +136,7 @@ def test_halt_blocks_acknowledge(pair):
     assert acknowledged == [True, False]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-091", "C402-092")
 def test_single_setpoint(pair):
     """Profile: a second setpoint waits in the buffer. Quirk: it is lost unless bit 5 is set."""
@@ -158,6 +160,7 @@ def test_single_setpoint(pair):
     assert ends == [2, 1]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-091", "C402-092")
 def test_setpoint_needs_bit_5(pair):
     """Profile: bit 4 alone starts. Quirk: without bit 5 nothing is taken and nothing acknowledged."""
@@ -174,6 +177,7 @@ def test_setpoint_needs_bit_5(pair):
     assert moved == [(True, True), (False, False)]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-005", "C402-089", "C402-100")
 def test_csp_without_primed_target(pair):
     """Profile: csp holds where it is until a target has been given. Quirk: it goes to 607Ah = 0 at once."""
@@ -197,6 +201,7 @@ def test_csp_without_primed_target(pair):
     assert ends == [2 * REV, 0]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-016", "C402-025")
 def test_faults_that_clear_themselves(pair):
     """Profile: Fault stays. Quirk: Switch on disabled after the time, not before the cause is gone, and so

@@ -234,6 +234,7 @@ def test_temperatures(make_bench, part, code, warm, hot):
     assert not bench.status & 0x80
 
 
+@pytest.mark.exhaustive
 def test_a_motor_gets_hot_by_work_and_stays_hot_without_supply(make_bench):
     """Rated torque for a long time heats by 80 K; power-off forgets i2t but not the heat."""
     mechanics = RotaryAxisConfig(load_torque=-2.0, coulomb_friction=0.0)

@@ -160,6 +160,7 @@ def entries():
     return entries_of(EDS.dictionary(), 5)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-309")
 def test_file_and_table_agree():
     """The EDS that ships is exactly what the object table generates."""
@@ -172,6 +173,7 @@ def test_file_and_table_agree():
     assert check.returncode == 0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-309")
 def test_the_library_reads_what_the_table_says():
     """Every entry of the table is in the imported dictionary with its type, access and mapping flag, and none

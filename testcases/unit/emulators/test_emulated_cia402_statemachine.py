@@ -424,6 +424,7 @@ ALLOWED = {
 }  # fmt: skip
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None)
 @given(
     st.lists(st.one_of(st.integers(0, 0xFFFF), st.sampled_from(EVENTS)), max_size=60),

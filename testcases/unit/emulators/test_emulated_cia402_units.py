@@ -90,6 +90,7 @@ def test_polarity():
     assert units(_607E00=0x20).torque_sign == -1
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None)
 @given(st.integers(-(2**40), 2**40))
 def test_increment_units_are_exact_32_bit_counters(increments: int):
@@ -97,6 +98,7 @@ def test_increment_units_are_exact_32_bit_counters(increments: int):
     assert units().to_user_position(increments) == wrap32(increments)
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None)
 @given(st.integers(-(10**12), 10**12), st.integers(1, 10**6))
 def test_rounding(numerator: int, denominator: int):
@@ -107,6 +109,7 @@ def test_rounding(numerator: int, denominator: int):
         assert abs(result * denominator) > abs(numerator)
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None)
 @given(st.integers(-(10**6), 10**6), st.integers(1, 10**6), st.integers(1, 5))
 def test_positions_survive_the_way_there_and_back(position: int, feed: int, gear: int):
@@ -143,6 +146,7 @@ def test_older_factors_come_on_top():
     assert plain.acceleration == plain.velocity
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-164")
 @given(increments=st.integers(-(2**40), 2**40), low=st.integers(-5000, 5000), span=st.integers(2, 10000))
 def test_rotary_positions_stay_in_the_range(increments: int, low: int, span: int):

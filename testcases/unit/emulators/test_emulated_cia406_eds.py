@@ -65,6 +65,7 @@ def test_file_and_table_agree(family):
     assert EDS[family].path.read_text(encoding="ascii") == EDS[family].text()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-309")
 def test_the_command_checks_the_files():
     """`--check` says that the files are up to date."""

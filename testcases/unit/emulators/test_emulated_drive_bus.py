@@ -41,6 +41,7 @@ def test_identification(bench, node):
     assert sdo[0x67FF].raw == 0x00020192
 
 
+@pytest.mark.exhaustive
 def test_every_readable_object_can_be_read(bench, node):
     """An SDO upload of each entry of the EDS succeeds, or says that there is no data (empty error field)."""
     refusals = {}
@@ -54,6 +55,7 @@ def test_every_readable_object_can_be_read(bench, node):
     assert refusals == {(0x1003, sub): 0x08000024 for sub in range(1, 9)}
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-018", "C402-019", "C402-024")
 def test_the_master_of_the_canopen_library_drives_it(bench, network):
     """`BaseNode402`, written by others, enables the drive, moves it in profile position and resets a
@@ -86,6 +88,7 @@ def test_the_master_of_the_canopen_library_drives_it(bench, network):
         assert bench.state is S.OPERATION_ENABLED
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-541", "STP-542", "STP-010", "STP-544")
 def test_story_of_a_quick_stop(bench, ramp_of):
     """Commission, enable, csv ramp to 1800 rpm, Quick stop by PDO: 300 ms and 45.0 mm at the load."""
@@ -109,6 +112,7 @@ def test_story_of_a_quick_stop(bench, ramp_of):
     assert bench.transitions() == [1, 2, 3, 4, 11, 12]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-014", "C402-016", "C301-019")
 def test_story_of_a_fault(bench):
     """Fault in motion: EMCY, TPDO3 with 603Fh and 1001h, stop, Fault; reset over PDO and enable again."""
@@ -361,6 +365,7 @@ def test_overload_and_blocked_motor(make_bench):
     assert bench.emcys == [(0x7121, 0x21)]
 
 
+@pytest.mark.exhaustive
 def test_two_runs_are_identical(make_bench):
     """The same story with the same seed gives the same trace and the same frames, bit by bit."""
 
@@ -381,6 +386,7 @@ def test_two_runs_are_identical(make_bench):
     assert story() == story()
 
 
+@pytest.mark.exhaustive
 def test_any_eds_can_be_used(make_bench, tmp_path):
     """A drive with another EDS, here one without touch probe and factor group, works with built-in
     defaults.

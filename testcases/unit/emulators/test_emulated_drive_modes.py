@@ -146,6 +146,7 @@ def test_change_immediately(make_bench):
     assert bench.status & 0x1400 == 0x0400
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-092")
 def test_set_of_setpoints(make_bench):
     """Bit 5 = 0: the second waits, the third finds the buffer full (bit 12 stays 1), the axis stops in
@@ -169,6 +170,7 @@ def test_set_of_setpoints(make_bench):
     assert min(abs(velocity) for velocity in near_first) < 1e-3
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-092", "C402-037")
 def test_change_on_setpoint(make_bench):
     """Bit 9 = 1: the first target is passed with its own speed, then the second setpoint counts."""
@@ -185,6 +187,7 @@ def test_change_on_setpoint(make_bench):
     assert max(later) == pytest.approx(0.1, rel=0.01)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-092")
 def test_change_on_setpoint_with_a_jerk_limit(make_bench):
     """Bit 9 = 1 with 6086h = 3: the first target is passed without a stop too."""
@@ -198,6 +201,7 @@ def test_change_on_setpoint_with_a_jerk_limit(make_bench):
     assert min(velocity for _, position, velocity in samples if 0.03 < position < 0.09) > 0.15
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-093", "C402-035")
 @pytest.mark.parametrize(("origin", "expected"), [(0, 5.0), (2, 4.0)])
 def test_relative_setpoints(make_bench, origin, expected):
@@ -212,6 +216,7 @@ def test_relative_setpoints(make_bench, origin, expected):
     assert turns(bench) == pytest.approx(expected, abs=0.35 if origin else 1e-4)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-095")
 def test_profile_limits(make_bench):
     """6081h above 607Fh and accelerations above 60C5h / 60C6h are limited."""
@@ -227,6 +232,7 @@ def test_profile_limits(make_bench):
     assert min(slopes) == pytest.approx(-1.0 / 3.0, rel=0.02)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-095")
 def test_jerk_limited_profile(make_bench):
     """6086h = 3 with 60A4h: the acceleration rises within a/j; other profile types are refused."""
@@ -272,6 +278,7 @@ def test_halt_and_resume_of_a_positioning(make_bench):
     assert turns(bench) == pytest.approx(10.0, abs=1e-4)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-162", "C402-163", "C402-140")
 def test_software_limits_clamp_positions_once_homed(make_bench):
     """607Dh: before homing nothing; afterwards the target is clamped and bit 11 shows it; min > max is
@@ -511,6 +518,7 @@ def test_cyclic_position(make_bench, feedforward):
     assert bench.read(0x6062) == bench.target
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-103")
 def test_cyclic_position_speed_limit(bench):
     """csp: a jump of the target is travelled at 6080h with bit 11 = 1 and a growing following error."""
@@ -527,6 +535,7 @@ def test_cyclic_position_speed_limit(bench):
     assert bench.status & 0x1800 == 0x1000
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-100", "C402-256")
 def test_cyclic_position_acceleration_limits(bench):
     """csp: after a jump 60C5h and 60C6h limit speeding up and slowing down, and the target is met without
@@ -582,6 +591,7 @@ def test_cyclic_position_jump_beyond_the_window_is_a_following_error(bench):
     assert (0x8611, 0x21) in bench.emcys
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-163")
 def test_cyclic_position_software_limit(make_bench):
     """csp: the demand is clamped to 607Dh, bit 11 = 1 and bit 12 = 0 while clamped."""

@@ -114,6 +114,7 @@ def test_noise_is_bounded_seeded_and_can_be_switched_off():
     assert first != samples(8)
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None)
 @given(
     start=st.integers(-5000, 5000),

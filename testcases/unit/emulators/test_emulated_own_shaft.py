@@ -20,6 +20,7 @@ DURATIONS = st.integers(0, 5000)
 SPEEDS = st.integers(-50, 50)
 
 
+@pytest.mark.exhaustive
 @given(
     profile=st.lists(st.tuples(DURATIONS, SPEEDS), min_size=1, max_size=6),
     moments=st.lists(st.integers(0, 40_000), min_size=1, max_size=5),
@@ -100,6 +101,7 @@ def test_mounting_refuses_what_cannot_be(options):
         Mounting(lambda: 0.0, **options)
 
 
+@pytest.mark.exhaustive
 @given(
     turned=st.integers(-20_000, 20_000),
     meanwhile=st.integers(-499, 499),
@@ -137,6 +139,7 @@ def test_more_than_half_a_turn_is_taken_for_the_shorter_way():
     assert encoder.increments == 4700
 
 
+@pytest.mark.exhaustive
 @given(every=st.integers(2, 50), places=st.lists(st.integers(-2000, 2000), min_size=1, max_size=8))
 def test_lost_steps(every, places):
     """One of `every` steps away from the place where the loss began is missing, and stays missing when it

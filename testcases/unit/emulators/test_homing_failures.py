@@ -326,6 +326,7 @@ def test_speed_zero_finds_nothing(make_bench):
     fails(home(bench, 33))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-133")
 def test_jerk_limited_homing(make_bench):
     """6086h = 3: the acceleration of a homing run has the slope of 60A4h; the home position is the same."""
@@ -348,6 +349,7 @@ def test_jerk_limited_homing(make_bench):
 # -- coordinates ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-138")
 @pytest.mark.parametrize(("option", "sign"), [("profile", -1), ("vendor", 1)])
 @pytest.mark.parametrize("method", [1, 23, 34, -4])
@@ -391,6 +393,7 @@ def test_move_to_zero_heeds_limit_switches(make_bench):
     assert run.home_counts == 2 * COUNTS
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-165")
 def test_polarity_does_not_turn_homing_round(make_bench):
     """607Eh reverses 6064h and velocities, not the directions of a homing method nor its limit switches."""
@@ -465,6 +468,7 @@ def test_any_parameters_and_commands_leave_a_working_drive(make_bench_factory, d
     assert home(bench, 7).statuses[-1] == 0b011
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-140")
 def test_software_limits_are_off_during_homing(make_bench):
     """607Dh does not shorten a search: it leads through positions that the limits forbid, before and after

@@ -197,6 +197,7 @@ def marked(cases):
     ]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-133", "C402-135", "C402-136", "C402-139")
 @pytest.mark.parametrize(("method", "place"), marked(CASES))
 def test_method_with_switch(make_bench, method, place):
@@ -288,6 +289,7 @@ def test_method_with_index_alone(make_bench, method, start, zero_mark):
     assert min(speeds) > -0.3
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-131", "C402-132")
 @pytest.mark.parametrize(
     ("method", "side", "index"), [(-1, 1, True), (-2, -1, True), (-3, 1, False), (-4, -1, False)]

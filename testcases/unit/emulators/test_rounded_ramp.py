@@ -80,6 +80,7 @@ SHAPES = st.builds(
 TARGETS = st.sampled_from([0.0, 1e-3, 30.0, -30.0, 300.0, -300.0])
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=100, derandomize=True, deadline=None)
 @given(st.lists(st.tuples(TARGETS, SHAPES, st.sampled_from([1, 7, 90])), min_size=1, max_size=5))
 def test_any_course_keeps_the_limits_and_arrives(orders):

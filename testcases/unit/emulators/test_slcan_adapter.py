@@ -251,6 +251,7 @@ def test_acceptance_filter(code, mask, single, frame, taken):
     assert unfiltered.accepts(frame)
 
 
+@pytest.mark.exhaustive
 @given(data=st.binary(max_size=400), cuts=st.lists(st.integers(0, 400), max_size=8))
 def test_rubbish_never_breaks_the_adapter(data, cuts):
     """Whatever comes in, in whatever pieces: the answers are the same, nothing wrong is sent, and it still
@@ -299,6 +300,7 @@ COMMANDS = st.sampled_from(
 )
 
 
+@pytest.mark.exhaustive
 @given(program=st.lists(COMMANDS | st.just("frame"), max_size=60))
 def test_every_command_gets_one_answer(program):
     """In any order of commands and frames: one answer per command, ended by CR or BELL, and states as the

@@ -169,6 +169,7 @@ def test_first_event_and_continuous(make_bench, probe, continuous, edges):
     assert changed == edges.bit_count()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-150", "C402-260")
 def test_counters_wrap(make_bench):
     """60D5h to 60D8h are 16 bits wide and begin again at 0."""
@@ -342,6 +343,7 @@ def test_probe_by_pdo(make_bench):
     assert frames[-1] == bytes((0x83, 0)) + value.to_bytes(4, "little")
 
 
+@pytest.mark.exhaustive
 def test_reset_and_power_off_switch_the_probes_off(make_bench):
     """After reset node and power-off no probe is on, and an index that comes is nobody's."""
     for restart in ("reset", "power"):

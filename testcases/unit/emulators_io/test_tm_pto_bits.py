@@ -31,6 +31,7 @@ def moving(share=1.0, **config):
 # -- terminals -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PTO-001")
 @pytest.mark.parametrize("kind", get_args(Signals))
 @pytest.mark.parametrize("direction", [1, -1])
@@ -411,6 +412,7 @@ def test_codes_of_the_module(row):
         assert (lenient.got["G1_ZSW"], lenient.got["G1_XIST1"]) == (0x4000, 0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PTO-252", "PTO-259", "PTO-262", "PTO-263")
 def test_codes_that_the_module_never_uses():
     """Whatever the control word of the encoder is, in whatever phase: 2, 0Ah, F04h and codes from 1001h on

@@ -186,6 +186,7 @@ STOPS = [  # identifier, control word, share of the maximum, time, pulses, end
 ]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "PTO-149", "PTO-152", "PTO-165", "PTO-264", "PTO-046", *sorted({row[0] for row in STOPS})
 )
@@ -212,6 +213,7 @@ def test_stop_ramps(row):
     assert not rig.channel.ed
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PTO-064", "PTO-065", "PTO-265")
 def test_taking_stops_back():
     """OFF1 can be taken back on the ramp, OFF3 cannot."""
@@ -236,6 +238,7 @@ def test_priority(word, state):
     assert rig(word) is state
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PTO-060", "PTO-061", "PTO-069")
 def test_ramp_generator_and_setpoint_enable():
     """Without bit 4 pulses stop at once, without bit 6 by the ramp; both stay in S4 and go on from there."""
@@ -342,6 +345,7 @@ def test_count_and_wrap():
     assert seen == [-0x8000_0000]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PTO-167", "PTO-101")
 @pytest.mark.parametrize(
     ("hertz", "pulses", "reached"),
@@ -459,6 +463,7 @@ def test_count_is_the_integral(targets, pause_ms):
     assert coarse.count == pytest.approx(generator.count, abs=1)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PTO-292")
 @given(st.floats(200, 20_000), st.sampled_from([5000.0, 1e6]), st.integers(1, 2000), st.booleans())
 def test_time_of_a_count(target, slope, count, back):

@@ -149,6 +149,7 @@ def test_stops_end_in_their_state_and_time(stw1, state, stop_s):
     assert rig.time_until(stw1, state) == pytest.approx(stop_s, abs=0.05)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-118")
 @pytest.mark.parametrize("bit", [STW1.RAMP_ENABLE, STW1.SETPOINT_ENABLE])
 def test_without_ramp_or_setpoint_the_axis_stays_in_operation(bit):

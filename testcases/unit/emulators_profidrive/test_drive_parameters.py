@@ -45,6 +45,7 @@ def test_a_ramp_time_that_is_written_is_the_one_of_the_next_stop(rig, parameters
     assert rig.time_until(stop, state) == pytest.approx(0.4, abs=0.06)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-268", "PD-278")
 def test_reference_and_maximum_speed(rig, parameters):
     """p2000 scales the setpoint; both are refused with 77h while the pulses are on."""

@@ -26,6 +26,7 @@ def build(telegram=105, **changes):
     return rig, DriveParameters(rig.drive)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-153", "STP-154", "MC-539", "MC-577")
 def test_limits_from_fixed_values():
     """p1522 on +100 % and p1523 on -100 % make p2003 the limits; MOMRED then takes its share of p2003, in
@@ -92,6 +93,7 @@ def test_the_threshold_of_the_utilisation_is_p2194():
         assert bool(rig.actual["MELDW"] & MELDW.TORQUE_BELOW_THRESHOLD) is below
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-528")
 def test_speed_below_which_the_motor_stands():
     """With little torque the motor is behind its ramp: the stop ends when it is below p1226, earlier with a

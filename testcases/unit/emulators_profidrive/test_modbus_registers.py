@@ -85,6 +85,7 @@ def test_what_can_only_be_read(rig):
         assert rig.write_one(register, 0) == "exception 4", register
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-288", "PD-335")
 def test_there_is_nothing_else(rig):
     """What the table does not name does not exist."""
@@ -140,6 +141,7 @@ def test_terminals():
     assert rig.drive.parameters.store.value(747) == 0b1101
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "PD-308",
     "PD-313",
@@ -315,6 +317,7 @@ def test_the_current_limit():
     assert rig.drive.core.torque == pytest.approx(6.0, abs=0.01)
 
 
+@pytest.mark.exhaustive
 def test_several_drives_on_one_line():
     """Three units on a line are led one after the other; each hears only what is for it, a broadcast reaches
     all.

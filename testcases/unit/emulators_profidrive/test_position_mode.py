@@ -185,6 +185,7 @@ def test_intermediate_stop_keeps_the_task_and_rejection_ends_it(bit):
     assert rig.place_um == pytest.approx(target, abs=20)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-106", "PD-111", "PD-116")
 def test_off1_brakes_with_its_ramp_and_can_be_taken_back():
     """S5 brakes with p1121, not with the task; ON in between goes on to the target."""
@@ -244,6 +245,7 @@ def test_software_limits():
     assert rig.place_um == pytest.approx(-20_000, abs=20)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-089", "PD-090", "PD-043")
 def test_limit_cams_are_the_limit_switches():
     """The axis stops on the switch with F07492 and its quick stop; it can only leave in the other
@@ -281,6 +283,7 @@ def test_a_following_error_is_a_fault():
     assert not rig.drive.core.enabled
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-055", "PD-071", "PD-089")
 def test_homing_on_the_home_switch():
     """Without a bit for the cam in the telegram the home switch of the machine is the cam; p2604 tells the

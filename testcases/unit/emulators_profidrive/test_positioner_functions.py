@@ -29,6 +29,7 @@ def ready(rig):
 # --------------------------------------------------------------------------------------------------- tracking
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-089", "PD-091")
 def test_tracking_lets_the_demand_follow_the_axis():
     """The task ends; a push moves the demand too, so that nothing is made good afterwards; tasks wait for its
@@ -307,6 +308,7 @@ def test_a_speed_axis_has_no_parameters_of_the_positioner():
 # ------------------------------------------------------------------------------------------------- fixed stop
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-082", "PD-091")
 def test_travel_to_a_fixed_stop():
     """With STW2 bit 8 the axis presses with the clamping torque where it is held up, and the task is done; no

@@ -135,6 +135,7 @@ def test_a_fault_sends_an_emcy_with_its_number_and_its_end(station):
     assert station.drive.slave.get(0x2853) == 0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-345")
 @pytest.mark.parametrize(
     ("option", "number", "enabled"), [(0, 0, True), (1, 8700, False), (2, 8700, False), (3, 8700, True)]

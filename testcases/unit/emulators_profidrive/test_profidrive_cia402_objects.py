@@ -52,6 +52,7 @@ class Node:
         self.scheduler.run_for(2000 * MS)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-342")
 def test_control_word_and_target_velocity_lead_the_axis():
     """6040h and 60FFh are STW1 and the setpoint, 6041h is ZSW1, 606Ch the speed; all of them in rpm and the
@@ -73,6 +74,7 @@ def test_control_word_and_target_velocity_lead_the_axis():
     assert node.drive.state is AxisState.S2
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-342")
 def test_settings_are_parameters():
     """6072h is p1520, 6083h to 6085h are p1082 by p1120, p1121, p1135, 6094h is p8798 and scales every

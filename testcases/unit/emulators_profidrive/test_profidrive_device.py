@@ -214,6 +214,7 @@ def test_off2_and_disable_coast(word):
     assert rig.drive.core.speed_rpm > 1400.0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-119")
 def test_ramp_generator_of_mode_1():
     """Mode 1: ramps up with p1120, freezes with bit 5 = 0, ramps down with p1121 on bit 6 = 0 and with p1135
@@ -458,6 +459,7 @@ def test_telegram_750_adds_and_limits_torque_and_shows_it():
     assert from_n2(rig.actual["M_ACT"]) == pytest.approx(-0.1, abs=0.001)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-171")
 def test_g1_xist1_counts_with_fine_resolution():
     """G1_XIST1 advances by 2048 * 2^11 increments per revolution, wraps, and goes on through all states."""

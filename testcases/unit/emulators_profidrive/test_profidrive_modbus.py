@@ -88,6 +88,7 @@ def test_process_data_that_stay_away(rig):
     assert rig.read(40400, 2) == [0, 0]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-280", "PD-292")
 def test_the_time_is_that_of_the_map_of_the_configuration_or_of_p2040():
     """100 ms is the factory value of the map; the configuration or the client may choose another one, 0
@@ -155,6 +156,7 @@ def test_wrong_requests(rig, request_, expected):
     assert rig.ask(request_) == expected
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-289", "PD-290", "MODB-040")
 def test_units():
     """On the line only its own unit is answered, and a broadcast acts in silence; over TCP every unit is
@@ -238,6 +240,7 @@ def test_telegrams_that_do_not_fit_are_refused():
                 ProfidriveModbusDrive(scheduler, config, name="drive")
 
 
+@pytest.mark.exhaustive
 def test_isochronous_only_on_command():
     """With a telegram of application class 4 the sign of life is not watched unless the configuration wants
     it.
@@ -258,6 +261,7 @@ def test_isochronous_only_on_command():
         assert rig.fault == (numbers.SIGN_OF_LIFE if wanted else 0)
 
 
+@pytest.mark.exhaustive
 def test_supply(rig):
     """Without supply nobody answers; afterwards what was written is gone, and what was saved is there."""
     rig.write(40322, 300)
@@ -281,6 +285,7 @@ def test_boot_time():
     assert rig.read(40100) == [0]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "PD-349", "MODB-026", "MODB-027", "MODB-028", "MODB-029", "MODB-030", "MODB-031", "MODB-043"
 )

@@ -92,6 +92,7 @@ def test_safe_stop_1_brakes_on_the_off3_ramp_and_ends_in_safe_torque_off():
     assert rig.cycle(READY, count=2)["S_ZSW1B"] == 0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CFG-447", "CFG-613")
 def test_taking_the_enable_away_disturbs_safe_stop_1():
     """With the control word kept the ramp is completed; with OFF2 in between the axis coasts from there."""
@@ -108,6 +109,7 @@ def test_taking_the_enable_away_disturbs_safe_stop_1():
     assert disturbed.drive.core.speed_rpm > 500.0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CFG-445", "CFG-477", "CFG-478", "CFG-481", "CFG-482", "CFG-442")
 def test_safe_stop_2_brakes_and_stays_under_control():
     """SS2 brakes on the OFF3 ramp; then the standstill is monitored in operation, and after its end setpoints
@@ -169,6 +171,7 @@ def test_a_safe_stop_2_without_effect_takes_the_torque():
     assert rig.drive.faults.warns(1706)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CFG-452", "CFG-453", "CFG-475", "CFG-476")
 @pytest.mark.parametrize("halted", [True, False])
 def test_safe_stop_1_external_leaves_the_braking_to_the_controller(halted):
@@ -261,6 +264,7 @@ def test_selected_safe_brake_control_is_an_off2():
 # -- safe motion monitoring ----------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "CFG-457", "CFG-458", "CFG-459", "CFG-463", "CFG-485", "CFG-486", "CFG-487", "CFG-488"
 )
@@ -343,6 +347,7 @@ def test_the_limit_of_a_rotary_axis_is_that_of_its_motor():
         drive.safety.set_sls(5)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "CFG-467", "CFG-468", "CFG-490", "CFG-491", "CFG-492", "CFG-493", "CFG-442", "CFG-611"
 )
@@ -367,6 +372,7 @@ def test_safe_direction(direction, bit):
     assert good.cycle(RUN)["S_ZSW1B"] == 0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CFG-470", "CFG-494", "CFG-495", "CFG-496", "CFG-440", "CFG-611")
 def test_safely_limited_position():
     """Outside the selected range the drive stops by itself; S_ZSW2B shows selection and range."""

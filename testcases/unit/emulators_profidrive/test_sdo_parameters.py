@@ -135,6 +135,7 @@ def test_restoring_brings_the_configuration_back(node):
     assert node.settings.ramp_down_s == 1.0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-344", "PD-250")
 @pytest.mark.parametrize("how", ["1010h", "p0971"])
 def test_the_file_keeps_the_parameters(tmp_path, how):
@@ -163,6 +164,7 @@ def test_p0972_restarts_the_drive(node):
     assert not node.drive.drive.controlled_cyclically
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-256", "PD-257")
 def test_every_listed_parameter_can_be_read(node):
     """PNU 980 and its followers list what there is; each element of what the window shows answers an SDO."""

@@ -76,6 +76,7 @@ def test_a_rotary_one_with_its_own_gear_and_direction(mounting, ratio, keys):
     assert signed(actual["G2_XIST1"]) == pytest.approx(moved * ratio / math.tau * 1024 * 256, abs=1)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-147", "PD-170", "PD-169", "CFG-304")
 def test_an_absolute_one_knows_its_place():
     """An absolute scale shows place + offset in steps * 2^9 in G2_XIST2, and again after a loss of supply

@@ -45,6 +45,7 @@ def test_rounding_of_the_ramp_generator(rig, parameters):
     assert time_to(rig, 0, **rig.speed(0)) == pytest.approx(0.5 + 0.2 + 0.1, abs=0.03)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-271")
 def test_rounding_holds_for_off1(rig, parameters):
     """The stop ramp of OFF1 is the same ramp generator."""
@@ -54,6 +55,7 @@ def test_rounding_holds_for_off1(rig, parameters):
     assert rig.time_until(READY, AxisState.S2) == pytest.approx(0.5 + 0.4, abs=0.06)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-273")
 def test_off3_has_its_own_rounding(rig, parameters):
     """p1136 and p1137; p1130 and p1131 do not count."""
@@ -65,6 +67,7 @@ def test_off3_has_its_own_rounding(rig, parameters):
     assert rig.time_until(RUN & ~STW1.NO_OFF3, AxisState.S1) == pytest.approx(0.25 + 0.2, abs=0.06)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-271")
 def test_p1134_breaks_a_ramp_off(rig, parameters):
     """With 1 a setpoint that turns round acts at once, without overshoot."""
@@ -80,6 +83,7 @@ def test_p1134_breaks_a_ramp_off(rig, parameters):
         rig.cycle(READY, count=700)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-269")
 def test_speed_limits(rig, parameters):
     """p1083 and p1086 limit each direction for itself."""
@@ -92,6 +96,7 @@ def test_speed_limits(rig, parameters):
     assert rig.drive.core.speed_rpm == pytest.approx(-300, abs=1)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-055")
 def test_bit_11_turns_the_setpoint_round_if_p1113_says_so(rig, parameters):
     """Without p1113 the bit is nothing."""
@@ -104,6 +109,7 @@ def test_bit_11_turns_the_setpoint_round_if_p1113_says_so(rig, parameters):
     assert rig.drive.core.speed_rpm == pytest.approx(-600, abs=1)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-057", "PD-058")
 def test_motor_potentiometer(rig, parameters):
     """p1035, p1036: bits 13 and 14 raise and lower, p1082 within p1047; what it has reached stays, and is

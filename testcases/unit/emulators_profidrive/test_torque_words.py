@@ -103,6 +103,7 @@ def test_a_limit_of_nothing_is_utilised():
     assert rig.cycle(READY, MOMRED=0x4000, count=20)["MELDW"] & LIGHT
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-575", "STP-535", "PD-082", "PD-083", "STP-172")
 @pytest.mark.parametrize("announced", [True, False])
 def test_travel_to_a_fixed_stop(announced):
@@ -201,6 +202,7 @@ def test_bits_of_heat():
         node.forced_C = None
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-085")
 @pytest.mark.parametrize(("signal", "threshold", "rpm"), [("speed", 500.0, 600.0), ("torque", 0.05, 600.0)])
 def test_bit_5_watches_a_signal_of_choice(signal, threshold, rpm):
@@ -228,6 +230,7 @@ def test_control_that_is_lost_in_operation():
     assert rig.actual["ZSW1"] & (ZSW1.CONTROL_REQUESTED | ZSW1.OPERATION_ENABLED) == 0x0204
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-058", "PD-059")
 def test_bits_without_a_meaning_do_nothing():
     """STW1 bits 11, 13, 14 and 15 are free in speed mode here: the axis turns as without them."""

@@ -112,6 +112,7 @@ def test_a_hook_knows_the_side(bridge):
     assert bridge.heard(bridge.a, 0) == []
 
 
+@pytest.mark.exhaustive
 def test_order_is_kept_when_a_fault_begins_and_ends(bridge):
     """Frames that wait for the scheduler are not overtaken by those that need it no longer."""
     remove = bridge.segment.add_hook(lambda frame, sender, time_ns: None)

@@ -125,6 +125,7 @@ def test_times_of_unacknowledged_attempts():
     assert set(gaps[15:]) == {attempt + 3 + 8}
 
 
+@pytest.mark.exhaustive
 def test_lone_node_does_not_flood_the_history():
     """Endless repetition is reported as long as it changes something: 16 errors and one change of state."""
     bench = Bench("a")

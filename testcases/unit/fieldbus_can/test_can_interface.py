@@ -270,6 +270,7 @@ def test_time_out_is_checked(bus, node):
     assert bus.recv(math.inf).arbitration_id == 0x123
 
 
+@pytest.mark.exhaustive
 def test_periodic_message_outlives_a_full_queue(scheduler, medium):
     """On a bus without partner the queue fills up; the task goes on and is heard when a partner comes."""
     with can.Bus(interface="hil", channel=medium) as bus:

@@ -475,6 +475,7 @@ def test_realtime_scheduler_carries_a_medium(scheduler):
     assert [later - earlier for earlier, later in itertools.pairwise(times)] == lengths
 
 
+@pytest.mark.exhaustive
 def test_python_can_is_not_imported():
     """The virtual segment is usable without loading python-can, which would cost its import time."""
     code = "import sys, fieldbus.can, fieldbus.can.medium; sys.exit('can' in sys.modules)"

@@ -117,6 +117,7 @@ def test_switch_selective_needs_the_order(bench):
     assert [lss(bench, 0x40 + part, number(IDENTITY[part])) for part in (0, 1, 3)] == [[]] * 3
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-154", "C301-155")
 def test_selective_configuration_by_the_library(bench, network, kit):
     """The library selects one of two slaves by its identity, and gives only that one another node-ID."""
@@ -349,6 +350,7 @@ def test_device_without_lss(kit):
 # -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-156")
 @pytest.mark.parametrize("supported", [(), (250_000, 1_000_000)])
 def test_configure_bit_timing(kit, supported):
@@ -436,6 +438,7 @@ def test_activate_without_a_configured_bit_rate_does_nothing(bench):
     assert bench.read(0x1000) == 0x20192
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-157")
 def test_power_off_during_the_switch_delay(kit):
     """A power cycle while the bit rate changes leaves a node that works, with the bit rate that it came

@@ -195,6 +195,7 @@ def test_the_memory_of_another_device_is_refused(start, kit, path):
         start(od)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("change", ["gone", "longer"])
 def test_a_memory_that_does_not_fit_the_eds_is_refused(start, kit, path, change):
     """An object that the EDS no longer has, or has with another length, is named."""

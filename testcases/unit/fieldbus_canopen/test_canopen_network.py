@@ -84,6 +84,7 @@ def test_block_transfer_by_the_library(bench, node, count, crc):
         assert stream.read() == content
 
 
+@pytest.mark.exhaustive
 def test_block_transfer_survives_a_lost_segment(bench, node):
     """When a segment is lost on the bus, server and library agree on what to repeat."""
     content = bytes(range(256)) * 6  # the library cannot repeat segments of the last block
@@ -122,6 +123,7 @@ def test_aborts_reach_the_library(node, index, data, code):
     assert caught.value.code == code
 
 
+@pytest.mark.exhaustive
 def test_timeout_is_simulated_time(bench, node):
     """Without a slave the client gives up after its time-out in simulated time, at once in real time."""
     bench.slave.power_off()
@@ -214,6 +216,7 @@ def test_wait_for_heartbeat(bench, node):
         node.nmt.wait_for_heartbeat(2)
 
 
+@pytest.mark.exhaustive
 def test_node_guarding_by_the_library(bench, node):
     """The library's guarding requests are remote frames; the slave answers, and life guarding is content."""
     reasons = []
@@ -355,6 +358,7 @@ def test_time_producer_and_lss_use_the_bench_time(bench, network):
     assert time.monotonic() - started < 60
 
 
+@pytest.mark.exhaustive
 def test_malformed_frames_are_counted(bench, network, node):
     """Frames too short for the library are counted and harm nothing; errors of the user's own code are
     his.
@@ -521,6 +525,7 @@ def test_p402_commissions_a_drive_in_virtual_time(bench, network, kit, cyclic):
     assert bench.scheduler.now < 5 * S
 
 
+@pytest.mark.exhaustive
 def test_real_time(kit):
     """The same classes work on a realtime scheduler, where time-outs are those of the wall clock."""
     scheduler = RealtimeScheduler()
@@ -545,6 +550,7 @@ def test_real_time(kit):
         assert time.monotonic() - started >= 0.3
 
 
+@pytest.mark.exhaustive
 def test_p402_in_real_time(kit):
     """On a realtime scheduler the library's polling loops run the scheduler inside `virtual_time`, in one
     thread.
@@ -571,6 +577,7 @@ def test_p402_in_real_time(kit):
         assert drive.state == DriveState.OPERATION_ENABLED
 
 
+@pytest.mark.exhaustive
 def test_nmt_command_to_all(bench, network, node):
     """The network's own NMT object commands all nodes."""
     network.nmt.send_command(NmtCommand.START)
@@ -579,6 +586,7 @@ def test_nmt_command_to_all(bench, network, node):
     assert node.nmt.state != "STOPPED"
 
 
+@pytest.mark.exhaustive
 def test_library_over_python_can(kit):
     """The library with its own network, threads and python-can's notifier talks to the slave over the hil
     interface.

@@ -48,6 +48,7 @@ def test_predefined_identifiers_of_the_pdos(bench, kit, number):
     assert bench.take(transmit) == [(-number).to_bytes(4, "little", signed=True)]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-151")
 def test_eight_pdos_in_each_direction(bench):
     """The emulated device has eight PDOs each way; the last one works as the first does, the ninth does not
@@ -173,6 +174,7 @@ def test_entry_without_any_access(kit):
     assert bench.write(0x6083, 0, 1, 4) == AbortCode.ACCESS
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-091")
 def test_pdo_whose_mapping_forbids_itself(kit):
     """A PDO with a default mapping that its own dictionary does not allow cannot be made valid: 06040047h,
@@ -299,6 +301,7 @@ def test_block_upload_survives_any_losses(content, lost, data):
     assert not server.active
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-080", "C301-081")
 @given(
     content=st.binary(min_size=1, max_size=100),

@@ -43,6 +43,7 @@ def test_event_driven_rpdo_is_effective_at_once(bench, kind):
     assert seen == [(0x0F, 0)]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-035", "C301-038", "C301-039")
 @pytest.mark.parametrize("kind", [0, 1, 240])
 def test_synchronous_rpdo_is_effective_with_the_next_sync(bench, kind):
@@ -491,6 +492,7 @@ def test_remote_request_before_the_first_sync(bench):
     assert bench.ask(TPDO3, remote=True) == []
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-046", "C301-055")
 def test_remote_requests_are_answered_only_where_allowed(bench):
     """With COB-ID bit 30 set a request is not answered; with it clear event-driven TPDOs answer."""

@@ -278,6 +278,7 @@ def test_defaults_that_the_dictionary_forbids(kit):
     assert "1A00h" in bench.slave.pdos.problems[0]
 
 
+@pytest.mark.exhaustive
 @given(
     controlword=st.integers(0, 0xFFFF),
     velocity=st.integers(-(1 << 31), (1 << 31) - 1),

@@ -134,6 +134,7 @@ def test_refusal_ends_the_job_with_its_code(net, index, sub, data, code, words):
     assert following.ok
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-072", "C301-078")
 def test_silent_server(net):
     """A server that does not answer is asked again, then the job ends; it gets an abort in either case."""
@@ -167,6 +168,7 @@ def test_lost_frame_is_made_good(net):
     assert (job.ok, job.attempts, job.value) == (True, 2, 0x00020192)
 
 
+@pytest.mark.exhaustive
 def test_one_request_at_a_time_per_server(kit):
     """A server never gets a request before it has answered the one before; servers work at the same time."""
     net = Net(kit, 5, 6)
@@ -326,6 +328,7 @@ def test_transfers_leave_sync_alone(net, period_ms):
     assert all(job.ok for job in jobs)
 
 
+@pytest.mark.exhaustive
 def test_transfers_let_error_control_through(kit):
     """Clients and servers that answer without delay do not keep a heartbeat, of less priority, from the
     bus.
@@ -344,6 +347,7 @@ def test_transfers_let_error_control_through(kit):
     assert heard[0] - begun < 10 * MS
 
 
+@pytest.mark.exhaustive
 def test_bad_arguments(net):
     """Numbers that do not exist in the protocol are refused at once, with what is allowed."""
     for make in (

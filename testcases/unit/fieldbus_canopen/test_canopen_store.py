@@ -116,6 +116,7 @@ def test_strings_keep_any_byte(bench):
 # ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-140", "C301-141")
 @pytest.mark.parametrize("index", [0x1010, 0x1011])
 def test_capability_and_signature(bench, index):

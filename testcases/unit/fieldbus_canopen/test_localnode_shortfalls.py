@@ -49,6 +49,7 @@ def test_02_services_are_gated_by_the_nmt_state(kit):
     assert bench.slave.get(0x6040) == 0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-044")
 def test_03_rpdo_data_reach_the_dictionary_and_the_callback(bench, node):
     """3: an RPDO changes the object dictionary, as SDO shows, and calls the device."""
@@ -182,6 +183,7 @@ def test_11_short_pdo(bench):
     assert bench.slave.get(0x6040) == 0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-110", "C301-111", "C301-112")
 def test_12_emcy_identifier_register_and_history(bench, node):
     """12: 1014h moves the EMCY, 1001h follows the errors, 1003h keeps their history."""
@@ -227,6 +229,7 @@ def test_13_heartbeat_consumer_store_restore_time_and_lss(bench, node):
     assert node.network.add_node(9, node.object_dictionary).sdo[0x1000].raw == 0x20192
 
 
+@pytest.mark.exhaustive
 def test_14_no_threads_and_no_wall_clock(bench, node):
     """14: slave and network run without a thread of their own, and an hour of heartbeats takes no hour."""
     threads = threading.active_count()
@@ -240,6 +243,7 @@ def test_14_no_threads_and_no_wall_clock(bench, node):
     assert threading.active_count() == threads
 
 
+@pytest.mark.exhaustive
 def test_15_p402_needs_no_wall_clock_but_a_known_nmt_state(bench, kit):
     """15: p402 works in virtual time once it knows the NMT state; its check of that state remains the
     library's.

@@ -33,6 +33,7 @@ def test_n4(rpm, word):
     assert word >> 16 == to_n2(rpm / 3000.0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-036", "CFG-246")
 @given(st.floats(allow_nan=True, allow_infinity=True))
 def test_values_beyond_the_range_are_held(fraction):

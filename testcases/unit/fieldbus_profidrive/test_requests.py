@@ -138,6 +138,7 @@ def outcome(decode, data):
         return error.error, None
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-208")
 @given(st.binary(max_size=80))
 def test_any_bytes(data):

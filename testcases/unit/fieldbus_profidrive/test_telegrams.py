@@ -203,6 +203,7 @@ def test_every_word_stands_where_the_table_says(number, data):
             at += 2 if width == W else 4
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-030")
 @given(number=st.sampled_from(NUMBERS), data=st.binary(max_size=60))
 def test_a_frame_of_another_length_is_refused(number, data):

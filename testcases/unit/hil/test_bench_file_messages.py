@@ -229,6 +229,7 @@ TABLES = [
 ]
 
 
+@pytest.mark.exhaustive
 def test_a_table_that_is_missing_or_no_table_is_shown_as_it_is_written(said, subtests):
     """The message has the head of the table, and where it is missing the smallest example; unknown tables
     come first.
@@ -252,6 +253,7 @@ def test_a_mistake_is_reported_with_file_key_and_what_is_allowed(said, subtests)
             assert message in lines[0]
 
 
+@pytest.mark.exhaustive
 def test_an_eds_of_another_device_is_named_with_file_and_drive(said, tmp_path):
     """An EDS without the status word is none of a drive: bench file, drive, EDS and object are named."""
     lines = Path(servo_eds()).read_text(encoding="latin-1").splitlines()
@@ -273,6 +275,7 @@ def test_mistakes_of_all_tables_are_shown_at_once(said):
         assert line.startswith(f"bench.toml: {start}")
 
 
+@pytest.mark.exhaustive
 def test_variables_that_do_not_fit_are_shown_for_every_axis(said):
     """What shows only when the axes are built is shown for all of them."""
     second = (
@@ -286,6 +289,7 @@ def test_variables_that_do_not_fit_are_shown_for_every_axis(said):
     ]
 
 
+@pytest.mark.exhaustive
 def test_numbers_with_a_decimal_comma_or_in_quotes_are_corrected(said, subtests):
     """The message has file, line or place, key, and the number as TOML writes it."""
     for old, new, message in COMMAS:

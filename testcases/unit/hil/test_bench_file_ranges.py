@@ -75,6 +75,7 @@ def keys_with_limits(model: type, chosen: object) -> Iterator[tuple[tuple[str, .
             yield (key,), hint
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", BENCHES)
 def test_a_key_out_of_its_range_is_named_with_what_is_allowed(name):
     """File, table, key, value and limit are in the message, below and above the range, all keys at once."""
@@ -104,6 +105,7 @@ def test_a_key_out_of_its_range_is_named_with_what_is_allowed(name):
         assert not unclear
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", BENCHES)
 def test_a_number_is_no_truth_value_and_no_text(name):
     """`true` and `"5"` in the place of a number are refused in every table, with file, table and key."""

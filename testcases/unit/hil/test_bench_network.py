@@ -71,6 +71,7 @@ def enable(bench, *names: str) -> None:
 # -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-146")
 def test_drives_of_a_bench_are_nodes():
     """After the start every drive is in service; the network shows identity, what was written, and no
@@ -139,6 +140,7 @@ def absent(monkeypatch, name: str) -> None:
     )
 
 
+@pytest.mark.exhaustive
 def test_missing_drive_blocks(monkeypatch):
     """A drive that is not there blocks the bench after 5 s; the other one does not hide that."""
     absent(monkeypatch, "drive2")
@@ -146,6 +148,7 @@ def test_missing_drive_blocks(monkeypatch):
         two_axes()
 
 
+@pytest.mark.exhaustive
 def test_optional_drive_may_be_missing(monkeypatch):
     """A bench is ready without an optional drive; when that comes, its axis can be used."""
     with monkeypatch.context() as patch:
@@ -200,6 +203,7 @@ def test_messages_are_those_of_a_node_on_the_segment(place):
             drop("drive1")
 
 
+@pytest.mark.exhaustive
 def test_state_of_a_component_that_there_is_not():
     """A trigger on the state of an unknown component would never come: refused, with the names that there
     are.
@@ -230,6 +234,7 @@ def test_frames_of_equal_node_ids_are_distinguished_by_their_segment():
 # -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-024", "C301-030")
 def test_bench_with_node_guarding():
     """A drive without heartbeat is guarded; when it falls silent the axis has alarm 431."""
@@ -333,6 +338,7 @@ def test_drive_comes_back_while_the_other_axis_moves(forgets):
         assert axis.feedback.position == pytest.approx(before + 20.0, abs=0.1)
 
 
+@pytest.mark.exhaustive
 def test_drive_that_comes_back_as_another_one_stays_out():
     """A drive that was exchanged for another device while it was off is not started; its axis keeps the
     alarm.
@@ -354,6 +360,7 @@ def test_drive_that_comes_back_as_another_one_stays_out():
         assert bench.axis("axis1").communication_ok
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-113", "C301-027")
 def test_cut_cable():
     """A drive that was cut off, with its own reaction to the missing controller, is taken in again when
@@ -404,6 +411,7 @@ def test_old_actual_values_do_not_count():
         assert port.link_ok
 
 
+@pytest.mark.exhaustive
 def test_quick_reset_is_noticed():
     """A drive that resets and is back within the grace cycles is noticed by its boot-up: alarm, not a silent
     restart.
@@ -419,6 +427,7 @@ def test_quick_reset_is_noticed():
         assert bench.axis("axis1").alarms.engine.number == 0
 
 
+@pytest.mark.exhaustive
 def test_controller_cut_off():
     """When it is the controller that was cut off, all drives are lost, and taken in again side by side."""
     with two_axes() as bench:
@@ -464,6 +473,7 @@ def test_supply_that_comes_and_goes(seed):
         assert bench.node("drive1").losses == 0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("bitrate", "cycle_ms"), [(1_000_000, 2), (500_000, 4), (125_000, 20), (50_000, 60)])
 def test_every_bit_rate(bitrate, cycle_ms):
     """At any bit rate a drive is configured again in the running cycle, and no SDO makes a SYNC wait."""
@@ -486,6 +496,7 @@ def test_every_bit_rate(bitrate, cycle_ms):
         assert not [can_id for can_id in before if 0x580 <= can_id <= 0x67F]
 
 
+@pytest.mark.exhaustive
 def test_encoder_comes_back():
     """An encoder of its own is a node too: started, lost, and started again, without a word written to it."""
     text = TWO_AXES.format(first="", second="") + '\n[encoder.scale]\nsegment = "can0"\nnode_id = 30\n'

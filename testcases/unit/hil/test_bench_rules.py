@@ -94,6 +94,7 @@ def test_benches_of_the_shipped_campaigns_keep_every_rule(subtests):
     assert len(seen) > 5
 
 
+@pytest.mark.exhaustive
 def test_every_rule_has_a_bench_that_breaks_it(bench_file, subtests):
     """Each rule, and only that one, speaks of a bench that breaks it, and names keys that can be changed."""
     assert findings(load_bench(bench_file()).config) == []
@@ -109,6 +110,7 @@ def test_every_rule_has_a_bench_that_breaks_it(bench_file, subtests):
                 assert part in file.config.model_dump()[table]
 
 
+@pytest.mark.exhaustive
 def test_the_level_of_limit_switches_follows_their_contacts(bench_file):
     """Without levels of its own an axis reads normally open and closed switches as they are wired."""
     for closed in ("false", "true"):
@@ -194,6 +196,7 @@ def test_check_says_what_to_change_and_ends_with_1(bench_file, capsys):
     assert "similar: switch-level" in capsys.readouterr().err
 
 
+@pytest.mark.exhaustive
 def test_an_alarm_that_no_rule_foresees_is_reported_with_its_keys(bench_file, capsys):
     """Software limits that contradict each other are alarm 104 after the start."""
     more = (
@@ -206,6 +209,7 @@ def test_an_alarm_that_no_rule_foresees_is_reported_with_its_keys(bench_file, ca
     assert 'axis.x.variables."PositionLimits_SW.MinPosition"' in alarm["keys"]
 
 
+@pytest.mark.exhaustive
 def test_external_encoders_are_asked_for_alarms_too(capsys):
     """A bench with an external encoder is good when nothing is pending on it."""
     assert main(["check", "testcases.campaigns.external_encoder:REFERENCE", "--json"]) == 0

@@ -61,6 +61,7 @@ def test_limit_in_the_drive():
         assert not axis.var("StatusWord.X26")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-585", "MC-547")
 def test_in_limitation_is_bit_11():
     """Too little torque for the acceleration: the drive stays at its limit, and InLimitation and X27 tell."""
@@ -79,6 +80,7 @@ def test_in_limitation_is_bit_11():
         assert not axis.var("StatusWord.X27")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-585", "MC-553", "MC-546", "MC-602")
 def test_fixed_stop():
     """Travel to the stop at 100 mm with 0.5 Nm: clamped, the job aborted, the drive presses with its limit;

@@ -36,6 +36,7 @@ def sent(bench, name, since_s):
     )
 
 
+@pytest.mark.exhaustive
 def test_heartbeats_come_by_the_clock_of_the_drive(bench):
     """Two per cent early while the fault acts, in the old distance afterwards, and the axis goes on all the
     time.
@@ -127,6 +128,7 @@ def test_what_the_drive_measures_is_in_its_own_time():
         assert measured() / before == pytest.approx(1.0 + FAST * 1e-6, rel=1e-3)
 
 
+@pytest.mark.exhaustive
 def test_uneven_cycles_are_repeatable_and_end(bench):
     """The same seed gives the same run; afterwards the cycles are even again, and nothing was alarmed."""
 

@@ -43,6 +43,7 @@ def machine():
     return Bench(parse(text + ENCODER, "bench.toml"), seed=1)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CFG-258", "CFG-255", "CFG-256", "CFG-289", "CFG-405")
 def test_one_block_for_axis_torque_and_encoder():
     """A structure, an element of an array and one within a structure: each holds the words of its own

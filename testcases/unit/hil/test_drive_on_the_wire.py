@@ -43,6 +43,7 @@ def distinct(values):
     return [value for at, value in enumerate(values) if at == 0 or value != values[at - 1]]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-044", "STP-533")
 def test_everything_goes_through_the_telegram():
     """From enabling over motion to the quick stop the bus has SYNC, process data and heartbeats, and nothing
@@ -63,6 +64,7 @@ def test_everything_goes_through_the_telegram():
         assert all(one & 0x700 == 0x700 for one in others), sorted(map(hex, others))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-533")
 def test_words_of_a_quick_stop_with_their_times():
     """STW1, NSET, STW2 and ZSW1, NACT, ZSW2 of every cycle with time stamps: 047F, 047B, 0478, 047E, and the
@@ -139,6 +141,7 @@ def test_a_drive_that_stays_in_s3_within_a_time_limit():
         assert not power.Status
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-103")
 def test_defaults_of_the_dynamics_apply_to_active_homing():
     """Approach and search accelerate and brake with DynamicDefaults."""
@@ -262,6 +265,7 @@ def test_true_position_and_encoder_are_both_there():
 # -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-552")
 def test_jobs_in_chosen_cycles():
     """Jobs that are started 3 cycles after each other act 3 cycles after each other; order and outputs are

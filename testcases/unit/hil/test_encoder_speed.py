@@ -78,6 +78,7 @@ class TestEncoderOfAnAxis:
                 axis.var("StatusSensor[1].Velocity"), abs=8.0
             )
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-340", "CFG-598", "CFG-305")
     def test_a_wrong_reference(self):
         """The reference is the variable of the encoder: half of it shows half of the velocity, and the right
@@ -109,6 +110,7 @@ class TestEncoderOfAnAxis:
             assert axis.var("StatusSensor[2].Velocity") == pytest.approx(-80.0, abs=0.5)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CFG-340", "CFG-336", "CFG-219", "CFG-198")
 @pytest.mark.parametrize(
     ("encoder", "name"), [(WHEEL.format(mounting='mounting = "motor"'), "wheel"), (SCALE, "scale")]

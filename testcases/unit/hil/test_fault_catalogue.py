@@ -104,6 +104,7 @@ def wrong_values(parameter):
     return [*values, "no such choice"] if parameter.choices else values
 
 
+@pytest.mark.exhaustive
 def test_a_parameter_takes_what_is_allowed_and_nothing_else(subtests):
     """Ends of the range are taken; other types, no numbers and what lies outside are refused with place,
     value and what is allowed.
@@ -171,6 +172,7 @@ def stages():
         one.close()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("wrong", ["nobody", "other"])
 def test_a_target_that_is_none_is_refused(stages, subtests, wrong):
     """A part that there is not, or one of another kind: the message says which there are, and nothing is

@@ -78,6 +78,7 @@ def test_forces_add_up(bench, faults):
     assert mechanics.external_force == 0.0
 
 
+@pytest.mark.exhaustive
 def test_repetition_by_chance_is_that_of_the_seed(bench, faults):
     """Of the occasions those come that the seed draws; one that comes while the fault acts is logged and does
     not count.
@@ -129,6 +130,7 @@ def test_a_chain_goes_on_from_end_to_end(bench, faults):
     assert kinds(bench).count("removed") == 3
 
 
+@pytest.mark.exhaustive
 def test_what_is_true_already(bench, faults):
     """States and conditions act at once, crossings and events wait for the next time."""
     axis = bench.axis()
@@ -193,6 +195,7 @@ MIXED = [
 ]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", range(4))
 def test_any_order_of_beginning_and_end_leaves_nothing_behind(seed):
     """Ten faults of any kind, some of them twice, begin and end in any order while the axis moves; afterwards

@@ -44,6 +44,7 @@ def settled(machine):
 class TestTransfer:
     """Over SDO, from the objects of the parameters."""
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-346", "CFG-353", "CFG-598", "VAR-150", "VAR-219", "PD-343")
     def test_what_is_wrong_in_the_controller_is_put_right(self):
         """Reference speed, torque, steps and fine resolution that do not fit are replaced by those of the
@@ -74,6 +75,7 @@ class TestTransfer:
             assert machine.run_until(axis.reset().done, 1.0)  # 551 was true of the wrong maximum speed
             assert axis.var("WarningWord") == 0
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-279", "CFG-598", "CFG-273")
     def test_without_transfer_a_wrong_reference_speed_is_a_wrong_speed(self):
         """3000 rpm in the controller and 6000 rpm in the drive: twice the speed, until the following error
@@ -111,6 +113,7 @@ class TestTransfer:
             expected = parts.load_mass_kg + parts.screw_inertia_kgm2 * per_metre**2
             assert load == pytest.approx(expected, rel=1e-5)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-345", "STP-538")
     def test_again_after_a_loss_of_supply(self):
         """A drive that was switched off is read again, and the axis can be enabled again after the
@@ -158,6 +161,7 @@ class TestTransfer:
             assert settled(machine) == (2, 2)
             assert machine.run_until(axis.power().status, 2.0)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-355", "CFG-599", "STP-538")
     def test_silent(self):
         """A drive whose SDO server does not answer: both transfers end with their alarm, and the bus goes on
@@ -220,6 +224,7 @@ class TestDataBlock:
         machine.run_for(0.1)
         return machine
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-252", "CFG-253", "CFG-255", "CFG-256", "CFG-289")
     def test_passed_through(self):
         """With programs that copy, the axis moves as over a direct connection; the block holds actual values
@@ -250,6 +255,7 @@ class TestDataBlock:
             assert axis.port.block.received["ZSW1"] != 0
             assert machine.drive().slave.get(0x5800) == 0
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-253", "CFG-261", "CFG-607")
     def test_same_cycle(self):
         """What MC_PreServo writes is used, and what MC_PostServo writes is sent, in the same cycle."""
@@ -295,6 +301,7 @@ class TestDataBlock:
             axis.move_velocity(100.0)
             assert machine.run_until(lambda: axis.var("ErrorDetail.Number") == 521, 3.0)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-260", "CFG-607")
     def test_sign_of_life_with_dsc(self):
         """With DSC a program that does not count the sign of life makes the drive report it."""
@@ -361,6 +368,7 @@ class TestOverModbus:
             machine.run_for(1.0)
             assert machine.drive().core.speed_rpm == pytest.approx(300.0, rel=0.02)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-355", "CFG-623")
     def test_refused(self):
         """A refusal of the drive is alarm 102 with its error number."""

@@ -48,6 +48,7 @@ def both_encoders(**changes):
 class TestExternalEncoder:
     """`[external_encoder.NAME]`."""
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-016", "CFG-018", "CFG-071", "CFG-530", "VAR-025")
     def test_rotary(self):
         """A shaft with 60 rpm behind a multi-turn encoder: 360 degrees per second, modulo range and counter
@@ -95,6 +96,7 @@ class TestExternalEncoder:
             machine.run_for(0.02)
             assert time.ErrorID == 0x805D
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("VAR-095", "VAR-075", "VAR-077")
     def test_alarms(self):
         """An alarm of the encoder is 411, a lost encoder 431; both with reaction 10, gone after the
@@ -122,6 +124,7 @@ class TestExternalEncoder:
             machine.run_until(encoder.reset().done, 1.0)
             assert (encoder.var("ErrorWord"), encoder.var("StatusSensor.State")) == (0, 2)
 
+    @pytest.mark.exhaustive
     def test_is_recorded(self):
         """Position and velocity are signals of the trace."""
         with bench(ENCODER.format(kind="multi_turn", place=SHAFT, variables="")) as machine:
@@ -175,6 +178,7 @@ class TestSecondEncoder:
             assert [axis.var(f"Sensor[{n}].Existent") for n in (1, 2, 3)] == [True, True, False]
             assert axis.var("Sensor[2].Type") == 1
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-319", "CFG-603")
     def test_the_other_one_may_fail(self):
         """The encoder that does not control may fail: the axis goes on, and its status alone tells."""
@@ -190,6 +194,7 @@ class TestSecondEncoder:
             assert axis.var("ErrorWord") == 0
             assert axis.var("ActualVelocity") == pytest.approx(20.0, abs=1.0)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-604", "CFG-322", "CFG-321", "CFG-325", "VAR-202", "MC-377", "MC-390")
     def test_the_controlling_one_must_not_fail(self):
         """Switched to the scale in motion, the axis stays homed and goes on; without the scale it is disabled
@@ -279,6 +284,7 @@ class TestSecondOfTheTelegram:
             axis = machine.axis()
             assert [axis.var(f"Sensor[{n}].Existent") for n in (1, 2)] == [True, count == 2]
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-285", "CFG-284", "VAR-151", "CFG-315")
     @pytest.mark.parametrize("telegram", [4, 6, 103, 106])
     def test_travel(self, telegram):
@@ -295,6 +301,7 @@ class TestSecondOfTheTelegram:
             assert machine.run_until(axis.move_relative(-15.0).done, 5.0)
             assert axis.var("ErrorWord") == 0
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-339", "VAR-151")
     def test_speed_is_that_of_the_first(self):
         """With the velocity of the telegram encoder 2 shows that of encoder 1, and the position of its

@@ -95,6 +95,7 @@ def test_trigger_argument_that_is_no_usable_number(subtests):
             check_trigger_argument_that_is_no_usable_number(*values)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("lines", "allowed"), [("time_s = 0.15", 0.15), ("time_s = 0.15\nlateness_s = 0.016", 0.016), ("", 0.0)]
 )

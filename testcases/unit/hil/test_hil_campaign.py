@@ -180,6 +180,7 @@ def test_bench_time_is_limited(swallow):
     assert result.simulated_s < 2.1
 
 
+@pytest.mark.exhaustive
 def test_wall_time_is_limited():
     """A case that hangs outside of the bench is interrupted."""
 

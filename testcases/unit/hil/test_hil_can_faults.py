@@ -133,6 +133,7 @@ def test_corrupt_checks_its_place(field, bit):
         Fault("frame.corrupt", parameters={"field": field, "bit": bit})
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CANP-078")
 def test_noise_hits_about_as_many_bits_as_its_rate_says(bench, faults):
     """The error frames of a second come at the rate that the share of occupied bits and the idle ones make;

@@ -292,6 +292,7 @@ def test_words_that_contradict_each_other_are_found(signal, change, rule):
     assert (f"{rule} of axis1" in names) if rule else names == []
 
 
+@pytest.mark.exhaustive
 def test_a_job_that_survives_an_alarm_is_found():
     """A motion job that stays busy while an alarm with a stop reaction is pending is found; MC_Stop is
     excepted.

@@ -89,6 +89,7 @@ def test_silence_without_supply():
         assert {entry.sender for entry in late} == {"drive1"}
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-588")
 def test_the_sign_of_life_ends():
     """With the process outputs the sign of life of the controller ends: the drive reports it, after its stop
@@ -120,6 +121,7 @@ def test_outputs_of_stations_are_off_at_once():
         assert not link._outputs
 
 
+@pytest.mark.exhaustive
 def test_a_breakpoint_with_a_trigger():
     """The fault is armed like any other, and the log tells all of it."""
     bench = load_bench("reference").build(seed=1)
@@ -135,6 +137,7 @@ def test_a_breakpoint_with_a_trigger():
         assert bench.run_until(in_state(bench, OperatingState.RUN), 3.0)
 
 
+@pytest.mark.exhaustive
 def test_no_program_meets_no_breakpoint():
     """In STOP, and without supply, a breakpoint does nothing, and its end starts nothing."""
     with load_bench("reference").build(seed=1) as bench:
@@ -150,6 +153,7 @@ def test_no_program_meets_no_breakpoint():
         assert bench.controller.state is OperatingState.POWER_OFF
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("first", ["controller.stop", "controller.power_off"])
 @pytest.mark.parametrize("second", ["controller.stop", "controller.power_off"])
 def test_the_last_of_overlapping_faults_gives_the_controller_free(first, second):

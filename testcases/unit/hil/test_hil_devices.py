@@ -314,6 +314,7 @@ def vendor_eds(**changes):
     return text
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("without", [(), ("60B8", "60B9", "60BA", "6502", "607E", "60F4")])
 def test_drive_with_a_vendors_eds(bench_file, tmp_path, without):
     """The drive presents the vendor's identity and objects, keeps what is written to his own, and is moved by
@@ -402,6 +403,7 @@ def test_stored_parameters_from_run_to_run(bench_file, tmp_path, section):
 # --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 def test_eds_of_the_reference_drive(capsys, tmp_path):
     """`hil eds` writes an EDS that the library reads, with the defaults that the bench file gives the
     drive.
@@ -429,6 +431,7 @@ def test_dcf_of_a_node(bench_file, tmp_path, capsys):
     assert "FileName=io.dcf" in path.read_text()
 
 
+@pytest.mark.exhaustive
 def test_eds_of_an_encoder(bench_file, tmp_path):
     """Encoders of their own have an EDS too, on the machine of a drive as on a shaft of their own."""
     file = bench_file(DRIVE + '[encoder.e]\nsegment = "can0"\nnode_id = 9\non = "d"\n')
@@ -438,6 +441,7 @@ def test_eds_of_an_encoder(bench_file, tmp_path):
     assert (od.node_id, od[0x1000].default & 0xFFFF) == (9, 406)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -20,6 +20,7 @@ def call(capsys, *arguments):
     return code, captured.out, captured.err
 
 
+@pytest.mark.exhaustive
 def test_a_fresh_bench(capsys):
     """Every axis with its pages; text for a person, JSON for a program."""
     code, out, _ = call(capsys, "diag", "profidrive")
@@ -36,6 +37,7 @@ def test_a_fresh_bench(capsys):
     assert content["controller"]["diagnostics buffer"][-1]["source"] == "drive1"
 
 
+@pytest.mark.exhaustive
 def test_a_case_at_a_time(capsys):
     """The case is repeated up to the time: the axis is in motion there, and stands at the end."""
     case = "stop-modes/halt/constant"
@@ -49,6 +51,7 @@ def test_a_case_at_a_time(capsys):
     assert json.loads(out)["axes"][0]["motion status"]["standstill"] is True
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("arguments", "reported"),
     [
@@ -83,6 +86,7 @@ def test_a_warning_of_the_drive():
         assert axis.var("StatusWord.X0") is True
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("TA-011", "DIA-110", "DIA-111")
 def test_coming_going_and_acknowledging_of_an_alarm():
     """The log of alarms has the times at which the alarm came, its cause went and it was cleared; the words
@@ -118,6 +122,7 @@ def test_coming_going_and_acknowledging_of_an_alarm():
         )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("DIA-100", "DIA-101")
 def test_telegram_of_the_drive():
     """Sent and received words are those of the wire: control and status words, setpoint, actual speed,
@@ -142,6 +147,7 @@ def test_a_cia_402_drive_shows_the_words_that_the_axis_speaks():
         assert set(machine.axis().diagnosis().telegram) == {"STW1", "ZSW1"}
 
 
+@pytest.mark.exhaustive
 def test_external_encoders_and_encoders_of_an_axis(capsys, tmp_path):
     """`hil diag` shows external encoders behind the axes, or the one that is asked for; `Sensor[2]` has a
     telegram of its own.
@@ -169,6 +175,7 @@ def test_external_encoders_and_encoders_of_an_axis(capsys, tmp_path):
     assert "PositioningAxis" not in out
 
 
+@pytest.mark.exhaustive
 def test_accelerations_of_a_speed_axis_are_shown_in_its_speed_too(capsys):
     """They count revolutions in seconds; next to rpm the same acceleration in rpm per second is shown."""
     _, out, _ = call(capsys, "diag", "speed")
@@ -176,6 +183,7 @@ def test_accelerations_of_a_speed_axis_are_shown_in_its_speed_too(capsys):
     assert "maximum jerk: 2000 1/s3 (120000 1/min per s²)" in out
 
 
+@pytest.mark.exhaustive
 def test_the_number_of_a_drive_fault_is_in_the_alarm_on_every_bus(subtests):
     """Over Modbus it is read after the alarm and completes its text; a second fault has its own number."""
     for name, shown in (

@@ -189,6 +189,7 @@ def test_dc_link(rig, voltage, code):
     assert rig.status() & 0x10
 
 
+@pytest.mark.exhaustive
 @of_kind("drive.chopper_failure")
 def test_chopper_failure(rig):
     """A load that drives the motor: the chopper holds the DC link, broken it does not."""
@@ -222,6 +223,7 @@ def test_overtemperature(rig, part, code):
 # ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @of_kind("drive.torque_limit")
 def test_torque_limit(rig):
     """A fifth of the rated torque is less than the acceleration needs; bit 11 tells; then all of it is there
@@ -237,6 +239,7 @@ def test_torque_limit(rig):
     assert not rig.status() & 0x800
 
 
+@pytest.mark.exhaustive
 @of_kind("drive.slow_ramp")
 def test_slow_ramp(rig):
     """OFF3 takes twice as long with half the slope, and as long as before once the fault is gone."""
@@ -309,6 +312,7 @@ def test_local_control(rig):
     assert rig.status() & 0x200
 
 
+@pytest.mark.exhaustive
 @of_kind("drive.refuse_transition")
 def test_refuse_transition(rig):
     """The drive stops at Switched on although 000Fh is there, and goes on once the fault is gone."""
@@ -377,6 +381,7 @@ def test_statusword_bits(rig):
     assert rig.status() == before
 
 
+@pytest.mark.exhaustive
 @of_kind("drive.target_toggle")
 def test_target_toggle(rig):
     """Bit 10 changes every 20 ms while nothing moves."""
@@ -405,6 +410,7 @@ def test_mode_display(rig):
 # ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @of_kind("drive.reset")
 def test_reset(rig):
     """Silence, boot-up frame after the time, and the axis notices the lost link; afterwards it can be enabled
@@ -425,6 +431,7 @@ def test_reset(rig):
     assert rig.bench.run_until(rig.power.status, timeout=3.0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-310")
 @of_kind("drive.heartbeat_late")
 def test_heartbeat_late(rig):
@@ -515,6 +522,7 @@ def test_frame_length(rig, length, code):
 # ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @of_kind("encoder.drift")
 def test_encoder_drift(rig):
     """5000 increments per second while it lasts; then it stays displaced."""
@@ -549,6 +557,7 @@ def test_encoder_scale(rig):
     assert (begun - rig.drive.mechanics.position) * 1e3 == pytest.approx(10.0, abs=0.05)
 
 
+@pytest.mark.exhaustive
 @of_kind("encoder.wire_break")
 def test_encoder_wire_break(rig):
     """Value frozen, 7305h, coasting, no reset before it is repaired; the reference of an incremental encoder

@@ -187,6 +187,7 @@ def test_wrong_values_are_refused_with_what_is_allowed(keys, message):
         BenchFile("own.toml", BENCH.format(keys=keys))
 
 
+@pytest.mark.exhaustive
 def test_a_personality_of_your_own_is_next_to_the_bench_file(tmp_path, monkeypatch, capsys):
     """A relative path starts at the bench file, from wherever the command runs; another process finds it
     again.
@@ -207,6 +208,7 @@ def test_a_personality_of_your_own_is_next_to_the_bench_file(tmp_path, monkeypat
     shutil.rmtree(folder)
 
 
+@pytest.mark.exhaustive
 def test_personalities_are_listed(tmp_path, capsys):
     """The command shows all of them for people and programs, or files that are named."""
     assert show_personalities([], as_json=True) == 0
@@ -227,6 +229,7 @@ def test_personalities_are_listed(tmp_path, capsys):
     assert "name" in capsys.readouterr().err
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", personality_names())
 def test_the_controller_drives_every_personality(name):
     """Enable, move, stop, fault, MC_Reset, move again with the axis of the reference bench, whatever the

@@ -76,6 +76,7 @@ def bench():
 # ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 def test_each_encoder_shows_where_the_machine_is(bench):
     """Motor side, load side, scale and own shaft: the recorded positions follow the true mechanics all the
     way.
@@ -116,6 +117,7 @@ repeat = true
     assert turns == pytest.approx([0.5, 1.5, 1.5 - 0.375, 1.0, 2.0, 3.0], abs=0.01)
 
 
+@pytest.mark.exhaustive
 def test_own_shaft_is_moved_by_a_test(bench):
     """`turn_shaft` and `place_shaft` move the shaft of an encoder; one on a machine has none."""
     own = bench.encoder("own")
@@ -135,6 +137,7 @@ def test_own_shaft_is_moved_by_a_test(bench):
 # ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C406-009", "C406-010", "C301-016")
 def test_encoders_are_started_and_send(bench):
     """All encoders are Operational when the bench is ready: TPDO2 with every SYNC, TPDO1 by its own timer."""
@@ -150,6 +153,7 @@ def test_encoders_are_started_and_send(bench):
     assert 0x195 not in counts
 
 
+@pytest.mark.exhaustive
 def test_encoder_is_started_again_after_a_loss_of_supply(bench):
     """After its boot-up the encoder gets NMT start, and an incremental one begins at zero."""
     faults = Injector(bench)
@@ -161,6 +165,7 @@ def test_encoder_is_started_again_after_a_loss_of_supply(bench):
     assert bench.encoder("own").channels[0].position < 0.02 * 10 * 8192
 
 
+@pytest.mark.exhaustive
 def test_encoder_and_commissioning_tools(bench):
     """The canopen library configures an encoder on the running bench by its EDS."""
     from emulators.encoder.cia406 import EDS
@@ -173,6 +178,7 @@ def test_encoder_and_commissioning_tools(bench):
     assert bench.trace().select(kind="encoder.preset", source="scale")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-164")
 def test_frames_in_words(bench):
     """Frames of an encoder are described with its own objects, those of the drive with the drive's, where
@@ -195,6 +201,7 @@ def test_frames_in_words(bench):
     assert bench.decode(CanFrame(0x80 + 22, bytes.fromhex("0010210100000000"))).startswith("EMCY scale 1000h")
 
 
+@pytest.mark.exhaustive
 def test_same_bytes_twice():
     """Two runs with encoders, noise included, leave the same trace."""
 
@@ -256,6 +263,7 @@ def test_sensor_faults_hit_drive_and_encoder(target):
         assert armed.over
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-312")
 def test_faults_of_an_encoder_while_the_axis_moves(bench):
     """Freeze, noise, reversal and lost steps between trigger and end, measured on the scale against the true
@@ -293,6 +301,7 @@ def test_faults_of_an_encoder_while_the_axis_moves(bench):
     reverse.remove()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-312")
 def test_preset_during_motion_and_overflow(bench):
     """A preset that a velocity triggers, and an overflow: the position jumps, then wraps at the end of
@@ -313,6 +322,7 @@ def test_preset_during_motion_and_overflow(bench):
     ]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-312", "C406-050")
 def test_alarm_and_warning_bits(bench):
     """Alarm and warning come with the fault and go with it, as signal, event and EMCY; two at a time keep
@@ -362,6 +372,7 @@ def test_missing_and_late_tpdos(bench):
         faults.inject("frame.drop", drive="motor", message="rpdo1")
 
 
+@pytest.mark.exhaustive
 def test_heartbeat_of_an_encoder(bench):
     """The heartbeat stays away as long as the fault lasts."""
     Injector(bench).inject("encoder.heartbeat_loss", "motor", duration_s=1.0)

@@ -386,6 +386,7 @@ def test_a_stop_has_two_cycles(late):
     assert (found["travel"] is Verdict.PASSED) is (late <= 2)
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=40, deadline=None)
 @given(
     cycles=st.integers(0, 100),

@@ -80,6 +80,7 @@ def test_what_cannot_be_written_is_refused(trace, tmp_path):
         write_signals(trace, tmp_path / "t.csv", ["axis1.positon"])
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("suffix", [".log", ".asc", ".blf"])
 def test_the_command_writes_frames_for_python_can(trace, tmp_path, capsys, suffix):
     """The reader of python-can gives back identifiers, data, kinds and times of the frames."""

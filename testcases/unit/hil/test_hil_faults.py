@@ -90,6 +90,7 @@ def test_an_event_selector_is_a_trigger_too():
     assert fault == Fault("drive.sto", trigger=on_event("alarm.raised", nth=2))
 
 
+@pytest.mark.exhaustive
 @given(
     kind=st.sampled_from(["frame.drop", "frame.duplicate"]),
     count=st.none() | st.integers(1, 1000),

@@ -68,6 +68,7 @@ def _adjust(axis, sensor, position):
     return MC_Home(axis.object, Execute=True, Mode=7, Position=position, Sensor=sensor)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-586", "MC-391", "MC-593")
 def test_troubles_of_each(machine):
     """Drift on one, noise on another, a third without supply: each shows its own alone, and the axis goes on

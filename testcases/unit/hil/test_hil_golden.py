@@ -61,6 +61,7 @@ def integrate(velocity, deceleration, jerk, acceleration, step=5e-5):
     return time_s, distance
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=40)
 @given(
     velocity=st.floats(20.0, 400.0),

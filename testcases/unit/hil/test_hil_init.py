@@ -10,6 +10,7 @@ from hil.cli import main
 pytest_plugins = ["pytester"]
 
 
+@pytest.mark.exhaustive
 def test_every_drive_and_bus_makes_a_bench_that_keeps_the_rules(tmp_path, capsys, subtests):
     """Whatever is chosen, `hil check` has nothing to say about it."""
     for drive, buses in BUSES.items():

@@ -232,6 +232,7 @@ def test_count_repeats_an_application(bench, faults):
     assert [kind for kind, _ in kinds(bench)] == ["fault.armed", *["fault.applied", "fault.removed"] * 2]
 
 
+@pytest.mark.exhaustive
 def test_remove_all_repairs_everything(bench, faults):
     """After `remove_all` nothing is broken, and what had not been applied says so."""
     faults.inject("mechanics.jam")

@@ -80,6 +80,7 @@ def time_of(line):
     return float(line[1 : line.index(")")]) - EPOCH_S
 
 
+@pytest.mark.exhaustive
 def test_frames_of_other_kinds_are_left_aside(lines, tmp_path):
     """FD, remote, extended and error frames, raw DLCs, a node of somebody else, the name of a vcan, marks of
     direction.
@@ -109,6 +110,7 @@ def test_frames_of_other_kinds_are_left_aside(lines, tmp_path):
     assert set(raw) == {14}
 
 
+@pytest.mark.exhaustive
 def test_a_log_may_begin_in_the_middle_of_motion(lines, tmp_path):
     """What was before its first frame is not known, what came later is judged."""
     late = [line for line in lines if time_of(line) > 0.51]
@@ -128,6 +130,7 @@ def test_a_frame_lost_here_and_there_changes_nothing(lines, tmp_path):
     )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("begin_s", "end_s", "pattern", "unknown", "reason"),
     [
@@ -186,6 +189,7 @@ def test_the_bench_file_of_another_machine_proves_nothing(lines, tmp_path, bench
     )
 
 
+@pytest.mark.exhaustive
 def test_process_data_of_another_length_are_noted(lines, tmp_path):
     """Shorter process data than the mapping of the bench file are the sign of another mapping."""
     short = [
@@ -197,6 +201,7 @@ def test_process_data_of_another_length_are_noted(lines, tmp_path):
     assert "drive1: process data 185h have 2 bytes, 8 by the bench file" in " ".join(log.notes)
 
 
+@pytest.mark.exhaustive
 def test_the_zero_of_a_position_is_not_on_the_bus(lines, tmp_path):
     """Homing is the affair of the controller: a position cannot be compared with a number, a displacement
     can.
@@ -294,6 +299,7 @@ def asc(frames, header, *, relative=False, decimal=False):
     return ("\r\n".join(rows) + "\r\n").encode("cp1252")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("header", HEADERS)
 def test_asc_files_of_all_kinds(frames, tmp_path, header):
     """Times since the last event, decimal numbers, a header with little or none of it, code pages: the same
@@ -308,6 +314,7 @@ def test_asc_files_of_all_kinds(frames, tmp_path, header):
     assert all(abs(time_ns - own[0]) <= 1 for (time_ns, _), own in zip(mine, frames, strict=True))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "writer",
     [can.BLFWriter, can.ASCWriter, can.TRCWriter, can.CanutilsLogWriter],

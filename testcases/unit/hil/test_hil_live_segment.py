@@ -95,6 +95,7 @@ def test_load_of_a_live_bus(desk):
     assert desk.heard(desk.a) == []
 
 
+@pytest.mark.exhaustive
 def test_babbling_on_a_live_bus(desk):
     """One frame again and again, more of them than a cycle has room for, until the fault is removed."""
     armed = desk.faults.inject("can.babble", can_id=0x001, data="AA", node="idiot")

@@ -56,6 +56,7 @@ def test_a_slip_in_motion_adds_to_the_way_of_the_load():
     assert change(trace, "drive1.position", when) * 1000.0 == pytest.approx(moved + 20.0, abs=0.01)
 
 
+@pytest.mark.exhaustive
 def test_a_broken_coupling_leaves_the_load_to_itself():
     """The motor goes on as commanded with less torque; the load coasts with what it has and comes to rest by
     friction.
@@ -69,6 +70,7 @@ def test_a_broken_coupling_leaves_the_load_to_itself():
     assert trace["drive1.motor_speed"].at(trace.end_s) == pytest.approx(1200.0, abs=6.0)
 
 
+@pytest.mark.exhaustive
 def test_a_hanging_load_falls_when_its_coupling_breaks():
     """The axis stands still for its controller while the load falls with the acceleration of its own
     inertia.
@@ -81,6 +83,7 @@ def test_a_hanging_load_falls_when_its_coupling_breaks():
     assert abs(change(trace, "axis1.actual_position", when, 0.19)) < 0.05
 
 
+@pytest.mark.exhaustive
 def test_more_friction_costs_torque_and_goes_again():
     """Friction of 250 N at a screw of 10 mm costs 0.4 Nm at constant velocity, and is gone at the end."""
     trace, when = machine("mechanics.friction", velocity=100.0, after_s=0.6, duration_s=0.3, force_N=250.0)
@@ -89,6 +92,7 @@ def test_more_friction_costs_torque_and_goes_again():
     assert later == pytest.approx(before, abs=0.01)
 
 
+@pytest.mark.exhaustive
 def test_jitter_of_sync_is_random_bounded_and_repeatable():
     """Every SYNC comes 0 to 0.5 ms late, evenly, each by its own time; the same seed gives the same times."""
 
@@ -108,6 +112,7 @@ def test_jitter_of_sync_is_random_bounded_and_repeatable():
     assert np.array_equal(late, lateness())
 
 
+@pytest.mark.exhaustive
 def test_a_clock_that_drifts_makes_sync_later_and_later():
     """At 1000 ppm a SYNC comes 1 us later for every ms since the first; the axis goes on."""
     trace, when = machine("frame.drift", after_s=0.8, message="sync", drift_ppm=1000.0)

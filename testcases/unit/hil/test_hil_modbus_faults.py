@@ -69,6 +69,7 @@ def test_faults_of_a_network_hit_an_io_station():
         assert machine.run_until(machine.axis().power().status, 3.0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("entry", KINDS, ids=lambda entry: entry.name)
 def test_what_a_segment_has_not_is_refused(entry):
     """What needs a line is refused on a network, and the other way round; on CAN all of them are."""
@@ -99,6 +100,7 @@ def test_what_does_not_fit_is_refused(kind, options, message):
         Injector(machine).inject(kind, **options)
 
 
+@pytest.mark.exhaustive
 def test_a_choice_of_frames_is_kept():
     """The third read and then every second one, four times: functions, first, every and count."""
     with bench() as machine:
@@ -111,6 +113,7 @@ def test_a_choice_of_frames_is_kept():
         assert all(text.startswith("register 1: ") for text in hits(machine))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MODB-006")
 def test_a_corrupt_register_on_a_line_has_a_right_crc():
     """The frame is right, its content is not: the axis takes it over."""
@@ -141,6 +144,7 @@ def test_an_exception_keeps_the_drive_from_doing_it():
 # ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["profidrive", "profidrive_tcp", "profidrive_rtu"])
 def test_signals_of_telegrams_are_named_on_every_bus(name):
     """The log of a bus names the signals, in hexadecimal and in their unit."""

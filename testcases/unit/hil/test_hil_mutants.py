@@ -223,6 +223,7 @@ def test_an_explained_survivor_is_no_failure(capsys, green):
     assert entry["explained"]
 
 
+@pytest.mark.exhaustive
 def test_all_goes_on_after_the_first_catch(capsys, green):
     """With --all every case that can notice a defect is run, also behind one that killed its process."""
     catalogue = f"{TOY}:FATES"
@@ -279,6 +280,7 @@ def test_a_run_that_was_ended_goes_on(capsys, green, monkeypatch, tmp_path):
     assert (code, "other cases have judged" in err) == (2, True)
 
 
+@pytest.mark.exhaustive
 def test_a_file_is_a_catalogue(capsys, green, tmp_path):
     """A file in the current folder, with or without a name in it, is a catalogue as a module is."""
     text = f"from {TOY} import CAUGHT, SURVIVES\nMUTANTS = [CAUGHT]\nOTHERS = [SURVIVES]\n"
@@ -326,6 +328,7 @@ def test_what_cannot_run_is_reported(capsys, arguments, words):
     assert words in err
 
 
+@pytest.mark.exhaustive
 def test_list(capsys):
     """--list shows names, places and requirements and runs nothing."""
     code, out, _ = call(capsys, "--catalogue", f"{TOY}:FATES", "--list")

@@ -29,6 +29,7 @@ def script(capsys, tmp_path, text, name="profidrive", **options):
     return code, lines, captured.err
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("COM-073", "COM-009", "COM-010", "COM-011", "COM-036")
 def test_a_script(capsys, tmp_path):
     """Take, enable, jog, release the slider, give back; every line is answered with the state."""
@@ -48,6 +49,7 @@ def test_a_script(capsys, tmp_path):
     assert "program  disabled" in lines[-1]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-033")
 def test_a_piped_session_in_plain_lines(capsys, tmp_path):
     """No prompt, no escape sequences; units and following error in every state; jog says how long it goes on;
@@ -79,6 +81,7 @@ def test_a_piped_session_in_plain_lines(capsys, tmp_path):
     assert lines[12].startswith("panel  standstill")
 
 
+@pytest.mark.exhaustive
 def test_the_error_of_a_job_without_an_alarm(capsys, tmp_path):
     """It is shown in words until the next command that does something."""
     text = "take\nenable\nwait 0.5\nadjust-encoder 5\nwait 0.1\nslide 0\n"
@@ -105,6 +108,7 @@ def test_a_line_that_cannot_be_carried_out(capsys, tmp_path, text, reported):
     assert reported in " ".join(err.split())
 
 
+@pytest.mark.exhaustive
 def test_the_end_of_the_input_gives_the_axis_back(capsys, tmp_path, monkeypatch):
     """A script that ends in the middle of a motion stops the axis; the command itself reads standard
     input.
@@ -135,6 +139,7 @@ def test_optimisation_with_a_plot(capsys, tmp_path):
     assert "plotly" in page
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "COM-001",
     "COM-002",
@@ -189,6 +194,7 @@ def test_the_commissioning_sequence():
         machine.run_until(power.status, timeout=2.0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("COM-012", "COM-015", "COM-077", "COM-010")
 @pytest.mark.parametrize(
     ("variables", "direction", "scale", "velocity"),

@@ -55,6 +55,7 @@ def run_at(bench, velocity: float) -> None:
     assert bench.run_until(lambda: job.InVelocity, 3.0)
 
 
+@pytest.mark.exhaustive
 def test_switches_index_and_homing_come_from_the_file():
     """Cam, one-sided switches, workpieces, index place, filter and homing options reach the emulated
     drive.
@@ -138,6 +139,7 @@ def test_a_probe_pulse_latches_the_instant_of_the_fault():
         assert (rise.data["edge"], fall.data["edge"]) == ("positive", "negative")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-126", "C402-136", "C402-311")
 def test_an_index_that_is_missing_as_a_fault():
     """`encoder.index_missing` lasts until it is removed; a probe on the index waits as long."""

@@ -99,6 +99,7 @@ def test_stop_modes_keep_their_numbers(stop):
     assert result.verdict is Verdict.PASSED, result.message
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CFG-245")
 def test_the_setpoint_on_the_wire_is_a_share_of_the_reference_speed():
     """250 mm/s are 1500 rpm: NSOLL_B is 2000 0000h at p2000 = 3000 rpm, in words 2 and 3 of the telegram."""
@@ -125,6 +126,7 @@ def test_the_torque_telegram_shows_the_torque():
         assert axis.port.actual_torque_nm > 0.2
 
 
+@pytest.mark.exhaustive
 def test_a_speed_axis_works_on_telegram_1():
     """Telegram 1 has neither clock nor encoder: a speed axis turns with it, without any sign of life."""
     text = read("speed")[1]
@@ -158,6 +160,7 @@ def test_a_frozen_sign_of_life_of_the_drive_loses_the_link():
         assert axis.port.link_ok
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-345")
 def test_the_heartbeat_of_the_controller_that_stays_away_stops_the_drive():
     """A drive that loses its controller trips with F08700 and brakes with its quick stop (6007h = 3)."""
@@ -189,6 +192,7 @@ def test_a_drive_fault_is_seen_with_its_number(code, number):
         assert axis.port.drive_fault_code == 0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-152", "PD-164", "PD-165")
 def test_an_encoder_error_is_reported_and_acknowledged():
     """A cut wire makes G1_ZSW.15 and a fault; after repair and acknowledgement the axis has its actual value
@@ -222,6 +226,7 @@ def test_a_fault_of_the_encoder_is_an_alarm_of_the_encoder():
         assert axis.alarms.engine.number == 0
 
 
+@pytest.mark.exhaustive
 def test_a_drive_that_loses_its_supply_is_taken_in_again():
     """After power-off and power-on the network configures the drive again, and the axis can be enabled
     again.
@@ -300,6 +305,7 @@ def test_a_test_reads_and_writes_parameters_of_a_drive():
         assert answer == bytes.fromhex("0101010108013E800000")
 
 
+@pytest.mark.exhaustive
 def test_parameters_of_a_drive_in_another_process(request):
     """The same through the pipe: values as JSON, requests as bytes; a refusal comes back with its reason."""
     text = read("profidrive")[1].replace('kind = "virtual"', 'kind = "live"')

@@ -77,6 +77,7 @@ def test_a_good_run_breaks_no_rule(good):
     assert "no motion of drive1 without torque" in checks
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-113", "PD-097", "PD-104", "PD-114")
 @pytest.mark.parametrize(
     ("old", "new"),
@@ -126,6 +127,7 @@ def test_a_change_without_its_condition_in_the_control_word_is_found(good, old, 
     ]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-066", "PD-062")
 @pytest.mark.parametrize("word", [0x0041, 0x0005, 0x0002, 0x0004, 0x0047, 0x0200])
 def test_a_status_word_of_no_state_is_found(good, word):

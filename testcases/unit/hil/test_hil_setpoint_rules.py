@@ -51,6 +51,7 @@ def begin_of(trace, state="DISABLING_RAMP"):
     return next(e.time_ns for e in trace.select(kind="axis.state") if e.data["to"] == state) * 1e-9
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-568")
 def test_a_position_setpoint_that_jumps_is_found(trace):
     """A step that the velocity does not explain is found: one beyond v * T and the tolerance fails, one
@@ -98,6 +99,7 @@ def test_an_acceleration_beyond_the_limits_is_found(trace):
         assert only(check_acceleration_setpoint(wrong)).verdict is verdict, value
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-239", "STP-241", "STP-244", "STP-245")
 @pytest.mark.parametrize("stop", STOPS)
 def test_a_stop_that_takes_more_way_than_its_ramp_is_found(stop):
@@ -123,6 +125,7 @@ def test_a_stop_that_takes_more_way_than_its_ramp_is_found(stop):
     assert check.time_s == pytest.approx(0.8, abs=0.3)
 
 
+@pytest.mark.exhaustive
 def test_a_setpoint_that_goes_on_in_a_stop_is_found():
     """A ramp that holds its velocity for 60 ms more before it brakes is found."""
     trace = stopped("reaction 3")
@@ -139,6 +142,7 @@ def test_a_setpoint_that_goes_on_in_a_stop_is_found():
     assert only(check_stop_travel(doctored(trace, "axis1.velocity_setpoint", late))).verdict is Verdict.FAILED
 
 
+@pytest.mark.exhaustive
 def test_a_setpoint_of_the_wrong_sign_goes_too_far(trace):
     """Nothing is judged without limits of the bench, and the reverse direction is judged alike."""
     assert check_stop_travel(Trace(trace.groups, events=trace.events, end_ns=trace.end_ns)) == []

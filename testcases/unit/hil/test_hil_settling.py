@@ -115,6 +115,7 @@ def test_a_question_behind_the_end_of_the_trace_fails():
     assert verdict(value_at("axis1.position", 1.0, 1.0, tolerance=0.0), trace) is Verdict.PASSED
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-239", "STP-241", "STP-553")
 @pytest.mark.parametrize(
     ("stop_mode", "mode", "other"), [(0, "emergency", "maximum"), (2, "maximum", "emergency")]

@@ -169,6 +169,7 @@ def test_a_duration_ends_it(bench, faults):
     assert len(hits(bench)) == 10
 
 
+@pytest.mark.exhaustive
 def test_several_faults_work_one_after_the_other(bench, faults):
     """Two faults of a direction disturb the same telegram; each can be taken back for itself."""
     bench.run_for(0.1)
@@ -212,6 +213,7 @@ def test_late_telegrams_come_in_order(bench, faults):
     assert all(later == (earlier % 15) + 1 for earlier, later in pairwise(signs))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("entry", KINDS, ids=lambda entry: entry.name)
 def test_every_kind_is_applied_logged_and_taken_back(bench, faults, entry):
     """The example of the catalogue reads back from its TOML form, hits telegrams, and leaves the port as it
@@ -229,6 +231,7 @@ def test_every_kind_is_applied_logged_and_taken_back(bench, faults, entry):
     assert (bench.port().setpoint_seam, bench.port().actual_seam) == (None, None)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("entry", KINDS, ids=lambda entry: entry.name)
 def test_a_drive_without_telegram_has_no_such_faults(entry):
     """A CiA 402 drive is led by no telegram: the fault is refused, a case is blocked."""

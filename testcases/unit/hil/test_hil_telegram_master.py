@@ -64,6 +64,7 @@ def enabled(machine, **signals):
     return master
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-019", "PD-032", "CFG-221")
 def test_a_test_leads_a_positioner_by_telegram_111():
     """Enable, reference point, MDI: the true slide goes there; the words of the answer by their names."""
@@ -81,6 +82,7 @@ def test_a_test_leads_a_positioner_by_telegram_111():
         assert machine.telegram("slide") is master
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-007")
 def test_blocks_of_the_bench_file():
     """Telegram 7 starts them by number; a relative one follows the absolute one."""
@@ -138,6 +140,7 @@ def test_faults_work_as_with_an_axis():
         assert master["FAULT_CODE"] == 0
 
 
+@pytest.mark.exhaustive
 def test_what_a_master_refuses():
     """Signals that the telegram has not, values out of range; drives with an axis or without a telegram."""
     with bench() as machine:

@@ -133,6 +133,7 @@ def test_any_of_takes_the_first_that_comes(bench):
     assert applied(bench) == [pytest.approx(begun + 0.2)]
 
 
+@pytest.mark.exhaustive
 def test_chance_draws_from_the_stream_of_the_fault():
     """The same seed gives the same occasions, the share is about the probability, and probability 1 is
     always.

@@ -64,6 +64,7 @@ def test_bad_arguments_are_refused(arguments, message, capsys):
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.exhaustive
 def test_a_program_that_is_not_there_is_reported_before_anything_boots(capsys, tmp_path):
     """Exit codes 127 and 126 as of a shell: no such program, or it may not be executed."""
     (tmp_path / "data.txt").write_text("1")

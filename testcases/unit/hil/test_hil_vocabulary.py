@@ -62,6 +62,7 @@ SLIPS = [
 ]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("expectation", "slip", "proposal"), SLIPS, ids=lambda value: str(value)[:40])
 def test_an_expectation_on_what_does_not_exist_is_an_error(trace, expectation, slip, proposal):
     """The check is an error of the harness, and its text names the slip and what there is."""

@@ -22,6 +22,7 @@ def machine(mode, name="profidrive", *, variables=None, **parts):
 class TestZeroMarkBehindCam:
     """`ActiveHoming.Mode` = 1: cam from 100 to 120 mm, zero marks at 3, 13, 23, ..."""
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement(
         "HOM-092",
         "HOM-089",
@@ -58,6 +59,7 @@ class TestZeroMarkBehindCam:
             assert max(run.column("velocity_setpoint")[1]) == pytest.approx(200.0)
             assert run.speed_at("axis.homed") == pytest.approx(40.0)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("HOM-093", "HOM-084")
     def test_too_fast_for_the_mark(self, name):
         """With 300 mm/s the mark at 123 is passed with more than 200 mm/s, and counts."""
@@ -78,6 +80,7 @@ class TestZeroMarkBehindCam:
             assert run.place == pytest.approx(98.0, abs=0.01)
             assert run.position == pytest.approx(0.0, abs=0.01)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("HOM-095", "HOM-107")
     def test_beyond_the_far_edge_while_braking(self, name):
         """A cam of 5 mm: left on the wrong side, met again on the way back, and the mark before it counts."""
@@ -97,6 +100,7 @@ class TestZeroMarkBehindCam:
             assert run.phases() == ["search+"]
             assert run.place == pytest.approx(128.0, abs=0.01)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("HOM-048", "HOM-089", "VAR-155")
     def test_approach_in_negative_direction(self, name):
         """From above the cam in negative direction, homing in negative direction: mark at 93."""
@@ -112,6 +116,7 @@ class TestZeroMarkBehindCam:
 class TestZeroMark:
     """`ActiveHoming.Mode` = 0."""
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("HOM-098", "HOM-099", "HOM-100", "HOM-101", "HOM-069", "HOM-039", "HOM-072")
     def test_first_mark_in_homing_direction(self, name):
         """From 118 in positive direction the mark is 123, whatever the approach direction is; the offset is
@@ -139,6 +144,7 @@ class TestZeroMark:
             assert min(run.column("velocity_setpoint")[1]) < 0.0
             assert run.place == pytest.approx(3.0, abs=0.01)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("HOM-066", "HOM-077")
     @pytest.mark.parametrize("velocity", [10.0, 40.0, 150.0])
     def test_is_exact_at_any_velocity(self, name, velocity):
@@ -195,6 +201,7 @@ EDGES = [
 class TestDigitalInput:
     """`ActiveHoming.Mode` = 2: an edge of the input that is active from 100 to 120 mm."""
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement(
         "HOM-102", "HOM-053", "HOM-057", "HOM-067", "HOM-070", "HOM-107", "HOM-055", "VAR-155"
     )
@@ -215,6 +222,7 @@ class TestDigitalInput:
             assert run.place - run.position == pytest.approx(edge + 5.0, abs=40.0 * 0.008)
             assert run.speed_at("axis.homed") == pytest.approx(40.0, abs=0.5)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("HOM-067", "HOM-066")
     def test_with_input_filter(self):
         """A filter of 6.4 ms adds its time: less than 0.416 mm, and the way of the telegram, with 40 mm/s."""
@@ -224,6 +232,7 @@ class TestDigitalInput:
             error = run.place - run.position - 125.0
             assert 40.0 * 0.0064 - 0.01 <= error <= 40.0 * (0.0064 + 0.008)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("HOM-071")
     def test_signal_shorter_than_the_filter(self):
         """1 mm with 200 mm/s is 5 ms: a filter of 6.4 ms lets nothing pass, and the axis goes on to the limit
@@ -236,6 +245,7 @@ class TestDigitalInput:
             assert (job.Error, job.ErrorID) == (True, 0x8001)
             assert run.phases() == ["approach+"]
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("HOM-106", "HOM-084")
     def test_too_fast_for_the_edge(self):
         """An input of 5 mm, left long before the homing velocity is reached: its end counts all the same."""
@@ -247,6 +257,7 @@ class TestDigitalInput:
             assert run.speed_at("axis.homed") > 100.0
             assert run.place - run.position == pytest.approx(110.0, abs=200.0 * 0.008)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("HOM-104", "HOM-107")
     def test_beyond_the_input_while_braking(self):
         """The near side of an input of 5 mm: passed in both directions, the edge that counts is met with
@@ -258,6 +269,7 @@ class TestDigitalInput:
             assert max(run.column("actual_position")[1]) > 106.0
             assert run.place - run.position == pytest.approx(105.0, abs=40.0 * 0.008)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("HOM-096", "HOM-104")
     @pytest.mark.parametrize(
         ("variables", "phases", "edge"),

@@ -7,6 +7,7 @@ import pytest
 from testcases.unit.hil.homing_bench import STEEP, Machine, homing_bench
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("HOM-168", "HOM-169", "HOM-170", "HOM-171", "HOM-069", "HOM-039")
 @pytest.mark.parametrize(("inverted", "mark"), [(0, 20.0), (1, 22.0)])
 @pytest.mark.parametrize("negative", [False, True])

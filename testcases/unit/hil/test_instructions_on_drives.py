@@ -96,6 +96,7 @@ def test_ramps_of_the_axis_on_cia_402(stop_mode, deceleration):
         assert withdrawn - since == pytest.approx(200.0 / deceleration, abs=0.02)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-581", "MC-596", "MC-595")
 @pytest.mark.parametrize("how", ["StopMode 1", "16#5", "16#7"])
 def test_quick_stop_on_cia_402(how):
@@ -139,6 +140,7 @@ def test_coasting_on_cia_402(how):
         assert machine.drive().slave.get(0x6041) & 0x4F == 0x40
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-583")
 def test_off1_on_cia_402():
     """16#1: shutdown with 605Bh = 1, the drive ramps down and is ready to switch on."""
@@ -155,6 +157,7 @@ def test_off1_on_cia_402():
         assert machine.drive().slave.get(0x6041) & 0x6F == 0x21
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-584", "MC-594")
 def test_acknowledging_a_cia_402_drive():
     """One rising edge of bit 7 resets the fault; the axis is enabled again, its job is not resumed."""
@@ -193,6 +196,7 @@ def test_a_drive_that_takes_its_time(delay_ms):
         assert axis.var("StatusDrive.InOperation")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-570", "MC-127", "MC-133")
 def test_a_drive_that_never_gets_ready():
     """Busy without Status and without an alarm; MELDW tells whether the drive is ready."""
@@ -258,6 +262,7 @@ def test_no_more_telegrams(name, how):
             assert job.ErrorID == 0x8001
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-576", "MC-183", "DIA-109")
 def test_what_the_drive_keeps_to_itself():
     """A fault of a drive that nobody needs raises no alarm, and MC_Reset acknowledges it; a warning is in
@@ -279,6 +284,7 @@ def test_what_the_drive_keeps_to_itself():
         assert (axis.var("WarningWord"), axis.var("ErrorWord")) == (0, 0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-572", "MC-446", "STP-532", "G2-036")
 @pytest.mark.parametrize(("how", "worn"), [("coast", 1), ("held open", 0), ("ramp", 0)])
 def test_a_brake_that_closes_at_speed_wears(how, worn):
@@ -301,6 +307,7 @@ def test_a_brake_that_closes_at_speed_wears(how, worn):
         assert held.worn == worn
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-589", "MC-147")
 @pytest.mark.parametrize("velocity_mode", [0, 1])
 def test_enabling_with_a_noisy_encoder(velocity_mode):
@@ -347,6 +354,7 @@ def test_the_limit_acts_without_position_control():
         assert axis.var("ActualVelocity") < 300.0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-235", "MC-413", "STP-148")
 @pytest.mark.parametrize("how", ["halt", "stop 3", "stop 2", "stop 0"])
 def test_stopping_at_a_torque_limit(how):
@@ -418,6 +426,7 @@ def test_in_limitation_without_a_telegram_10x(limit):
         assert axis.var("StatusWord.X27") is (limit < 1.0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-603", "MC-124")
 def test_limits_stay_transmitted_over_an_alarm():
     """Reduction, range and additional torque are in the telegram while the alarm stops the axis, and after
@@ -485,6 +494,7 @@ def test_switches_with_a_filter(pressed, filter_ms, seen):
         } == expected
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-588", "MC-218", "MC-219")
 def test_passive_homing_searches_the_mark_with_the_encoder_interface():
     """Function 1 of G1_STW is active in G1_ZSW from the motion on; Busy until the mark is passed, once per

@@ -94,6 +94,7 @@ digital_inputs = ["drive1.negative_limit", "drive1.positive_limit"]
 """
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("LIM-105")
 @pytest.mark.parametrize("place", ["drive", "station"])
 def test_what_a_digital_input_can_do(place, subtests):
@@ -195,6 +196,7 @@ def test_clearance_by_formula():
         golden.switch_clearance(500.0, 10_000.0, filter_s=-0.1)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("LIM-029", "LIM-104")
 @pytest.mark.parametrize(("filter_ms", "enough"), [(6.4, True), (6.4, False), (0.0, True)])
 def test_way_behind_the_switch(filter_ms, enough):
@@ -224,6 +226,7 @@ def test_way_behind_the_switch(filter_ms, enough):
         assert farthest > 200.0 + golden.stop_distance(velocity, braking)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("LIM-006", "LIM-045", "LIM-046", "LIM-104")
 def test_a_traversable_switch_of_some_width():
     """10 mm wide and passed with 300 mm/s: the input is gone, X18 stays, until the load is back over the
@@ -253,6 +256,7 @@ def test_a_traversable_switch_of_some_width():
     assert len(raised(bench)) == 1
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("LIM-006")
 def test_a_switch_that_is_too_narrow_is_missed():
     """1 mm at 500 mm/s lasts 2 ms, less than a cycle: a machine that is built so has no limit switch at that
@@ -272,6 +276,7 @@ def test_a_switch_that_is_too_narrow_is_missed():
     assert seen[1] is False
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("LIM-024", "LIM-104")
 @pytest.mark.parametrize("name", ["reference", "profidrive"])
 def test_normally_closed_contacts(name):

@@ -30,6 +30,7 @@ def word(machine, name):
     return (machine.axis().port.telegram_view()[name] + 0x8000) % 0x10000 - 0x8000
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CFG-276", "CFG-277", "CFG-518", "VAR-132", "CFG-362")
 def test_motion():
     """100 mm/s are 6 of 30 m/min in NSOLL_B; the slide is where the axis says."""
@@ -87,6 +88,7 @@ def test_limit_of_the_setpoint():
         assert 0x1000_0000 / 0x4000_0000 * reference / per_unit == pytest.approx(500.0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CFG-399", "CTL-050", "CTL-051", "CTL-052", "CFG-577", "CFG-575")
 def test_precontrolled_force_in_the_telegram():
     """50 kg at 1 m/s² are 50 N in M_ADD1 while the axis accelerates, and nothing at constant velocity."""

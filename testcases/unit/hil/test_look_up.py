@@ -17,6 +17,7 @@ from motion.s7.variables import VariableStore, object_types
 PAGE = Path(__file__).resolve().parents[3] / "docs/reference/variables.md"
 
 
+@pytest.mark.exhaustive
 def test_a_variable_is_shown_with_everything_about_it(capsys):
     """Type, access, range, default, unit and meaning, FALSE and TRUE included, whatever case is typed."""
     assert main(["variables", "homing.approachd"]) == 0
@@ -68,6 +69,7 @@ def test_the_page_of_the_variables_is_current():
     assert page(head_of(text)) == text
 
 
+@pytest.mark.exhaustive
 def test_faults_of_a_name_family_or_pattern(capsys):
     """One kind, a family, a part of a name, or all that match a pattern."""
     for name, first, count in (
@@ -82,6 +84,7 @@ def test_faults_of_a_name_family_or_pattern(capsys):
         assert count in (None, len(kinds))
 
 
+@pytest.mark.exhaustive
 def test_benches_are_listed_and_shown(capsys):
     """`show` prints the file of a bench as it is."""
     assert main(["benches"]) == 0

@@ -77,6 +77,7 @@ def test_places_are_found_behind_wide_characters():
     assert source.replace("1 + 2", "1 - 2") in results
 
 
+@pytest.mark.exhaustive
 def test_the_draw_is_repeatable_and_covers_all_packages():
     """The same seed draws the same, another seed others; packages by their size; every defect can be
     switched on.
@@ -115,6 +116,7 @@ def test_a_limited_number_of_cases_is_taken_from_all_campaigns_in_turn():
     assert spread(judges, 0) == judges
 
 
+@pytest.mark.exhaustive
 def test_shares_count_what_a_named_requirement_noticed():
     """Equivalent defects are not counted; a catch without a requirement is an accident."""
     first, second, third = draw(3, 1, ["motion"])

@@ -99,6 +99,7 @@ def test_a_catalogue_that_cannot_be_used_is_refused_with_file_and_line(tmp_path,
     assert words in str(caught.value)
 
 
+@pytest.mark.exhaustive
 def test_own_requirements_lead_the_report(tmp_path):
     """They come first in matrix and totals, and count as known; families that no case touches are folded."""
     path = tmp_path / "own.csv"
@@ -117,6 +118,7 @@ def test_own_requirements_lead_the_report(tmp_path):
     assert [family_of(one) for one in ("STP-303", "R12", "SYS.3", "door")] == ["STP", "R", "SYS", "door"]
 
 
+@pytest.mark.exhaustive
 def test_the_command_lists_own_families_first_and_folds_the_others(pytester, capsys):
     """`hil requirements --catalogue` after pytest: covered ones of the user, the rest in one line."""
     pytester.makepyfile(
@@ -138,6 +140,7 @@ def test_the_command_lists_own_families_first_and_folds_the_others(pytester, cap
     assert "none.csv: cannot be read" in capsys.readouterr().err
 
 
+@pytest.mark.exhaustive
 def test_pytest_refuses_a_wrong_catalogue_before_any_test(pytester):
     """The mistake is one line with file and place, and nothing runs, with option and setting alike."""
     pytester.makepyfile("def test_nothing(bench):\n    raise AssertionError('ran')\n")

@@ -102,6 +102,7 @@ def test_without_telegram_750_the_torque_instructions_are_refused(name):
         assert machine.drive().core.torque_offset == 0.0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CFG-404", "VAR-139", "CFG-406")
 def test_torque_data_are_selected_where_the_drive_has_them():
     """`EnableTorqueData` is TRUE with telegram 750 and FALSE without; switched off, the functions are
@@ -288,6 +289,7 @@ def test_limit_at_the_load_is_a_force():
         assert word(machine, MOMRED_WORD) == pytest.approx((1.0 - 0.39789 / 2.0) * 0x4000, abs=1.0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-538", "MC-611", "STP-130", "STP-583", "CFG-408")
 @pytest.mark.parametrize("telegram", [3, 5])
 def test_a_standard_telegram_has_no_torque_reduction(telegram):
@@ -301,6 +303,7 @@ def test_a_standard_telegram_has_no_torque_reduction(telegram):
         assert detection.Busy
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-537", "STP-132", "MC-541")
 def test_limiting_needs_no_enabled_axis_but_detection_does():
     """Mode 0 starts on a disabled axis, Mode 1 ends with 16#800F there."""
@@ -316,6 +319,7 @@ def test_limiting_needs_no_enabled_axis_but_detection_does():
         assert other.ErrorID == 0x800F
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MON-029", "MON-044", "STP-144", "MC-551", "VAR-142")
 @pytest.mark.parametrize("monitored", [0, 1])
 def test_limiting_suspends_following_error_monitoring(monitored):
@@ -330,6 +334,7 @@ def test_limiting_suspends_following_error_monitoring(monitored):
         assert (521 in raised) is bool(monitored)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-547", "STP-157", "STP-145", "STP-146", "MC-552", "VAR-050")
 def test_the_drive_says_that_it_is_at_its_limit():
     """Too little torque: X27 and InLimitation; when the limit goes, the axis catches up."""
@@ -348,6 +353,7 @@ def test_the_drive_says_that_it_is_at_its_limit():
         assert not axis.var("StatusWord") & X27
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-559", "MC-560", "STP-148")
 def test_halt_at_the_limit_is_done_when_the_axis_stands():
     """The setpoint brakes to 0, the axis creeps on to its setpoint with the limit active, then the halt is
@@ -474,6 +480,7 @@ def test_homing_at_a_fixed_stop():
         assert not list(machine.history.select(kind="alarm.raised"))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-167", "MC-555")
 def test_the_clamping_force_follows_the_limit():
     """A new Limit changes the torque at the stop."""
@@ -484,6 +491,7 @@ def test_the_clamping_force_follows_the_limit():
         assert machine.drive().core.torque == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "STP-170",
     "STP-176",
@@ -524,6 +532,7 @@ def test_retracting_ends_the_clamping():
         assert not list(machine.history.select(kind="alarm.raised"))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-602", "STP-168", "MC-554")
 def test_a_stop_that_breaks_away_is_an_alarm():
     """When the stop gives way, the actual position leaves the tolerance: alarm 542 with reaction 4."""
@@ -554,6 +563,7 @@ def test_no_job_without_position_control_on_the_way_to_the_stop():
 # ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-442", "MC-444", "MC-436", "MC-438", "MC-440", "MC-446", "CFG-222")
 def test_bits_of_the_control_words_are_the_users():
     """Masked bits appear in the telegram and stay when the job has ended; another mask adds to them."""

@@ -76,6 +76,7 @@ class TestLostParts:
             assert axis.var("ErrorDetail.Number") == 431
             assert not axis.var("StatusWord.X0")
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-593")
     def test_registers_that_are_not_read(self):
         """Over Modbus the same: a response that does not come leaves the words of the one before."""
@@ -159,6 +160,7 @@ class TestExchanged:
                 assert not power.Status
                 assert axis.object.speed_output_rpm == 0.0
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-595", "CFG-183")
     def test_of_the_same_length(self):
         """102 and 105 answer with the same words: each axis sees the other drive, which shows when only one
@@ -244,6 +246,7 @@ class TestNoDrive:
             assert machine.drive().mechanics.velocity == 0.0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CFG-202", "CFG-195")
 def test_a_speed_axis_does_not_look_at_the_encoder_of_its_telegram():
     """An encoder error in telegram 3 means nothing to a speed axis, and alarm 411 to a positioning axis."""
@@ -297,6 +300,7 @@ mounting = "load"
         Bench(parse(text, "bench.toml"), seed=1)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CFG-251", "CFG-272", "CFG-263")
 def test_times_of_a_direct_connection_come_by_themselves():
     """The following error of a direct connection needs no times, and they cannot be written."""
@@ -312,6 +316,7 @@ def test_times_of_a_direct_connection_come_by_themselves():
         assert abs(axis.var("StatusPositioning.FollowingError")) < 0.2
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CFG-606")
 def test_a_data_block_without_times_shows_a_following_error():
     """With times of 0.0 a setpoint counts as executed after T_servo: an error of v * (T_i + T_o + T_DC) that

@@ -399,6 +399,7 @@ class TestErrors:
         assert rig.axis.var("StatusDrive.AdaptionState") == 2
         assert rig.port.telegram_number == 105
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-376", "CFG-625", "CFG-366", "TA-025")
     @pytest.mark.parametrize(("kind", "revolutions", "cause"), [(1, 0, 2), (0, 1, 5), (0, 4096, 5)])
     def test_other_encoder_type(self, kind, revolutions, cause):

@@ -153,6 +153,7 @@ def test_enabling_waits_for_the_ready_signal():
     assert rig.axis.var("ActualSpeed") == 0.0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-060", "CFG-391")
 def test_without_the_ready_signal_the_axis_stays_disabled():
     """With the ready input active and no signal the axis is never enabled."""
@@ -197,6 +198,7 @@ def test_scaling(rpm, word):
     assert rig.drive.voltage == pytest.approx(word / 2764.8)
 
 
+@pytest.mark.exhaustive
 def test_position_control():
     """A positioning ends in its window; what it follows behind is the time constant of the drive times the
     velocity.
@@ -216,6 +218,7 @@ def test_position_control():
     assert rig.drive.mechanics.position * 1000.0 == pytest.approx(200.0, abs=0.02)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-297", "STP-308", "STP-309", "STP-310", "STP-330", "MC-153", "CFG-393")
 @pytest.mark.parametrize("falls", ["enable", "standstill", "never"])
 @pytest.mark.parametrize(("mode", "ramp_s"), [(0, 0.075), (2, 0.25)])
@@ -296,6 +299,7 @@ def test_remove_enable(reaction, falls):
     assert rig.power.Status
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-398", "STP-399", "STP-401")
 def test_alarm_ramp():
     """Reaction 3: the output follows the ramp with the enable set; at zero the enable falls, Status FALSE,
@@ -312,6 +316,7 @@ def test_alarm_ramp():
     assert rig.power.Status
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-562", "CFG-392", "CFG-608", "STP-060")
 def test_ready_is_lost():
     """An enabled axis whose ready signal disappears is disabled with alarm 421 and reaction 4."""
@@ -326,6 +331,7 @@ def test_ready_is_lost():
     assert rig.mm_s == 0.0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-563", "CFG-393")
 def test_ready_that_never_falls_does_not_hold_up():
     """Disabling is complete although the ready signal stays."""
@@ -337,6 +343,7 @@ def test_ready_that_never_falls_does_not_hold_up():
     assert (rig.power.Status, rig.power.Busy) == (False, False)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-062", "CFG-388", "CFG-609", "CFG-387")
 def test_without_an_enable_output_the_drive_goes_on():
     """No enable output: after a coast the drive is not disabled; it holds the voltage, which is 0, with its
@@ -366,6 +373,7 @@ def test_limit_switches_at_the_station():
     assert rig.technology.port.inputs == 1
 
 
+@pytest.mark.exhaustive
 def test_the_station_is_lost():
     """No answer for three cycles: alarm 431, and the watchdog of the station takes enable and voltage
     away.
@@ -388,6 +396,7 @@ def test_the_station_is_lost():
     assert kinds.count("station.up") == 2
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-323", "CFG-398")
 def test_speed_axis_without_encoder():
     """A speed axis needs no encoder: its speed is 0.0, and after a quick stop Status falls in the next

@@ -97,6 +97,7 @@ class TestAbsoluteEncoder:
         move(rig, 5.0)
         assert error(rig) == pytest.approx(0.0, abs=0.005)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-564", "CFG-568")
     def test_without_adjustment(self, make_rig):
         """An absolute encoder that was never adjusted waits for the whole backlash, and its first value is no

@@ -425,6 +425,7 @@ def test_parameters_refused(make_rig, number, value, error):
     assert job.ErrorID == error
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "CFG-263",
     "CFG-264",

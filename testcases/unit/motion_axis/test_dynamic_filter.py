@@ -263,6 +263,7 @@ def coupled(filter_times, additional):
     return lags, shown
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CTL-080", "CTL-081", "MON-035")
 @pytest.mark.parametrize("filter_times", [(1, 0.002), (1, 0.001, 0.001), (1, 0.0, 0.0, 0.002), (2, 0.004)])
 def test_two_axes_with_different_drives_lag_alike(filter_times):

@@ -410,6 +410,7 @@ def test_profile_with_jerk_limit(rig):
     assert (full - falling[0]) * CYCLE == pytest.approx(0.05, abs=2.5 * CYCLE)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-117")
 def test_override_scales_the_running_job(rig):
     """0 to 200 %, at once and with the dynamics of the job."""

@@ -76,6 +76,7 @@ class TestSeveral:
 class TestAbsolute:
     """One absolute encoder; what is kept over power-off is `AbsEncoderOffset`."""
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("HOM-087", "HOM-088", "HOM-133", "MC-213")
     @pytest.mark.parametrize("mode", [3, 8])
     def test_first_homing_is_kept(self, make_rig, mode):
@@ -168,6 +169,7 @@ class TestBacklash:
         # At the mark of the motor a load that is pushed in positive direction stands at 150 mm.
         assert rig.axis.var("ActualPosition") + mark == pytest.approx(rig.load.position, abs=0.005)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("HOM-178", "CFG-551")
     def test_changed_size(self, make_rig):
         """Another size makes the axis one that is not homed."""

@@ -303,6 +303,7 @@ def check_values_that_are_not_allowed(rig, name, key, error, value):
     assert (job.Error, job.ErrorID) == (False, 0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-086", "MC-087", "MC-088", "MC-080", "MC-007")
 def test_values_that_are_not_allowed(subtests):
     """0.0 where it is no value (see the next test), no number, or infinity: the ErrorID of this input."""

@@ -48,6 +48,7 @@ def bits(rig, *numbers):
 # ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-164", "MC-165", "MC-166", "MC-142", "MC-019", "MC-138")
 def test_enabling_and_first_job(rig):
     """Busy at once, Status when the drive is in operation and not before, then motion jobs."""
@@ -380,6 +381,7 @@ def test_absolute_positioning_appended(rig):
     rig.until(second.done)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-286", "MC-287", "MC-284", "MC-024")
 def test_relative_positioning_overridden(rig):
     """500 counts from the 225 at which the job takes over: 725."""
@@ -526,6 +528,7 @@ def test_two_velocities(rig):
 # ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "STP-231",
     "MC-334",

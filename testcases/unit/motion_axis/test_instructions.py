@@ -389,6 +389,7 @@ def test_enable_waits_for_communication(rig):
     rig.until(power.status)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-047", "STP-048", "STP-028", "MC-097")
 @pytest.mark.parametrize("start_mode", [0, 1])
 def test_start_mode(rig, start_mode):

@@ -111,6 +111,7 @@ def test_jobs_are_refused_while_a_stop_inside_an_alarm_ramp_goes_on(rig):
     rig.until(lambda: rig.axis.state is AxisState.STANDSTILL)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-415", "STP-430")
 @pytest.mark.parametrize("at_rest", [False, True])
 def test_stop_keeps_its_lock_over_an_alarm_that_stays_enabled(rig, at_rest):

@@ -145,6 +145,7 @@ def test_one_switch_goes_and_the_other_comes_in_one_cycle():
     assert raised(rig)[2:] == [(531, 3)]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("LIM-042", "LIM-038")
 @pytest.mark.parametrize("stop_mode", [0, 1, 2, 3])
 def test_while_the_axis_is_being_disabled(stop_mode):

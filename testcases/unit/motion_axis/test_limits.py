@@ -24,6 +24,7 @@ def homed(make_rig, **variables):
     return rig
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "LIM-075", "LIM-076", "LIM-077", "LIM-079", "LIM-081", "LIM-082", "STP-590", "VAR-170"
 )

@@ -177,6 +177,7 @@ def test_any_gear_and_any_way(steps, motor, load, length, start, ways, turns):
     assert start <= float(shown) <= start + length
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("LIM-098")
 def test_the_time_of_a_long_motion_is_counted():
     """Many cycles with constant velocity: the setpoint is velocity times time, and no sum of as many

@@ -414,6 +414,7 @@ def check_groups_of_an_object(path, types):
     assert (path in set(VariableStore("SynchronousAxis").paths())) is ("P" in types)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "CFG-019",
     "CFG-020",

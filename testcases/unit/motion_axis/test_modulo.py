@@ -133,6 +133,7 @@ class TestAxis:
         var = rig.axis.var
         return var("Position"), var("ModuloCycle"), var("ActualPosition"), var("ActualModuloCycle")
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement(
         "CFG-100", "CFG-104", "CFG-105", "CFG-094", "CFG-097", "CFG-098", "VAR-111", "CFG-014"
     )
@@ -156,6 +157,7 @@ class TestAxis:
         assert max(abs(row[4]) for row in seen) < 2.0
         assert rig.axis.alarms.engine.number == 0
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-119", "CFG-120", "CFG-121")
     @pytest.mark.parametrize(
         ("start", "new", "change"), [(350.0, 10.0, 1), (350.0, 340.0, 0), (10.0, 350.0, -1)]
@@ -171,6 +173,7 @@ class TestAxis:
         assert rig.axis.var("ActualPosition") == pytest.approx(new, abs=0.01)
         assert rig.axis.var("ActualModuloCycle") - before == change
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-123", "CFG-116", "VAR-112", "VAR-110", "VAR-109")
     def test_absolute_adjustment(self, make_rig):
         """`MC_Home` mode 7 of an absolute encoder sets the counter to 0, also in the upper half, and keeps
@@ -188,6 +191,7 @@ class TestAxis:
         assert rig.axis.var("StatusSensor[1].Adjusted") == 1
         assert rig.axis.var("StatusSensor[1].AbsEncoderOffset") != 0.0
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-109", "CFG-115", "CFG-124", "VAR-158", "VAR-159")
     @pytest.mark.parametrize(("kind", "cycle", "homed"), [(0, 0, False), (1, 3, True)])
     def test_restart(self, make_rig, kind, cycle, homed):
@@ -230,6 +234,7 @@ class TestAxis:
         plain.until(plain.axis.home(5.0).done)
         plain.until(plain.axis.move_absolute(15.0, Direction=0).done)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("VAR-171")
     def test_software_limit_in_the_range(self, make_rig):
         """A limit within the range stops the axis in whatever cycle it is."""

@@ -139,6 +139,7 @@ def test_no_tolerance_time(deviation, alarm):
         assert rig.events("alarm.raised")[0].time_ns * 1e-9 - start <= 2 * CYCLE
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MON-038", "MON-006", "MON-040", "MON-041")
 def test_a_limit_that_falls_with_the_velocity():
     """MaxValue below MinValue, as it can be written while moving: 521 by the formula, also below the warning

@@ -157,6 +157,7 @@ def test_halt_superimposed_starts_from_the_given_state(make_rig, abort_accelerat
     assert rig.job.Busy
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MIN-042")
 @pytest.mark.parametrize("mode", [0, 1])
 def test_halt_modes(rig, mode):

@@ -183,6 +183,7 @@ def test_following_up_during_an_alarm_stop():
 # -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CTL-085", "CTL-086", "CTL-087", "CTL-090")
 def test_the_mode_stays_until_another_instruction_changes_it(rig):
     """StartMode 0 leaves it off; MC_Halt and MC_Stop do not change it; velocity jobs choose; positioning

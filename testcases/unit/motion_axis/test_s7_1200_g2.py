@@ -85,6 +85,7 @@ class TestDifferences:
         ):
             getattr(instructions, name)(rig.axis.object)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("G2-049", "MC-015", "MC-017", "CFG-005")
     @pytest.mark.parametrize(
         ("name", "key"),

@@ -35,6 +35,7 @@ class Coupled(EncoderPort):
         self.encoder_increments = self._motor.encoder_increments + self.ahead
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("DIA-036", "DIA-095")
 def test_the_page_shows_the_operative_encoder():
     """Its number changes with `MC_SetSensor`; the diagnosis lists it among the values."""

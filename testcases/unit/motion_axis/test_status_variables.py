@@ -143,6 +143,7 @@ class TestStatusWord:
         rig.cycles(5)
         assert on(rig, 28)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("VAR-061")
     def test_stop_command(self, rig):
         """`StatusWord2.X0` while `MC_Stop` holds the axis."""

@@ -372,6 +372,7 @@ def test_acknowledging_a_disabled_axis(rig, enable, end):
     assert state(rig) is end
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-495")
 def test_fatal_alarm_holds_until_restart(rig):
     """Class R: acknowledging does not help, the restart needs Enable FALSE, and then it does."""

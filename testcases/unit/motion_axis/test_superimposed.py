@@ -179,6 +179,7 @@ def test_without_a_basic_motion_it_moves_the_axis(rig):
     assert rig.column("position_setpoint")[-1] == pytest.approx(120.0, abs=1e-6)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-195", "MC-357", "OVR-016")
 def test_a_new_superimposed_motion_replaces_the_running_one(rig):
     """The old one is aborted; the new distance counts from where the superimposed motion is."""

@@ -232,6 +232,7 @@ class TestLinearMotor:
         rig.cycles(2)
         assert rig.port.torque_share == pytest.approx(0.2)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-276", "CFG-277", "CFG-422", "CFG-423", "CFG-424", "VAR-123", "VAR-132")
     def test_velocity(self):
         """100 mm/s are 6 m/min; beyond the maximum velocity the output ends there; there is no ActualSpeed in

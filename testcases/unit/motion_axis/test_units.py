@@ -366,6 +366,7 @@ class TestUserProgram:
         assert rig.axis.var("ActualSpeed") == pytest.approx(600.0)
         assert dict(rig.axis.object.trace_columns)["velocity_setpoint"] == "rpm"
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-080", "CFG-072")
     def test_angles_per_minute(self, make_rig):
         """A rotary axis in degrees per minute: 3600 of them are 60 degrees per second, 10 rpm."""

@@ -122,6 +122,7 @@ def check_zero(name, key):
         assert running.InVelocity
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-600", "MC-086", "MC-087", "MC-088", "MC-090", "MC-091", "MC-092")
 def test_zero(subtests):
     """0.0 is refused as acceleration, deceleration and velocity of a way; everywhere else it is a value."""

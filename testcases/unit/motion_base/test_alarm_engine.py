@@ -425,4 +425,4 @@ class EngineMachine(RuleBasedStateMachine):
         assert self.engine.number == (ranked[0] if ranked else 0)
 
 
-TestEngineMachine = EngineMachine.TestCase
+TestEngineMachine = pytest.mark.exhaustive(EngineMachine.TestCase)

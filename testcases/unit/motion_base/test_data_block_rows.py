@@ -125,6 +125,7 @@ def check_definition(path, data_type, access, low, high):
             VariableStore("PositioningAxis", {path: value})
 
 
+@pytest.mark.exhaustive
 @requirements_in(DEFINITION_CASES)
 def test_definition(subtests):
     """Type, access class and both bounds are those of the row; what lies outside is refused at the

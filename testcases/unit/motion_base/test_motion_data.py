@@ -4,6 +4,8 @@ import json
 import subprocess
 import sys
 
+import pytest
+
 from motion.s7.data import load
 
 
@@ -15,6 +17,7 @@ def test_files_are_self_contained():
         assert word not in text
 
 
+@pytest.mark.exhaustive
 def test_loading_needs_nothing_but_the_files():
     """Variables and alarms load without the YAML library that made the data, and without numpy."""
     program = (

@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 import motion
 
 
@@ -13,6 +15,7 @@ def test_every_public_name_is_there():
     assert not hasattr(motion, "TwinCat")
 
 
+@pytest.mark.exhaustive
 def test_importing_the_package_loads_no_dialect():
     """A user of profiles or ports does not pay for the S7 controller."""
     code = "import sys, motion, motion.setpoint, motion.kernel.servo_axis; print('motion.s7' in sys.modules)"

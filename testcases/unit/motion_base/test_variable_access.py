@@ -61,6 +61,7 @@ class TestDirect:
 
         assert (cell.value, store.read(path), store.start_value(path)) == (value * factor, value, before)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("VAR-001", "VAR-217")
     def test_next_servo_cycle(self, subtests):
         """An assigned value is read back at once and takes effect with the next MC_Servo, start value
@@ -122,6 +123,7 @@ class TestDirect:
                 store.latch()
                 assert low <= store.read(path) <= high
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("VAR-015", "VAR-217")
     def test_both_bounds(self, subtests):
         """Both ends of a range are permitted; one step outside is not kept."""
@@ -219,6 +221,7 @@ class TestRestartRelevant:
         assert store.restart() == ()
         assert (store.read(path), store.online_start_values_changed) == (value, False)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("VAR-005", "VAR-009", "VAR-216", "VAR-217", "STP-064", "STP-076")
     def test_only_by_restart(self, subtests):
         """An assignment is refused; a start value takes effect with the restart and X3 shows it until
@@ -313,6 +316,7 @@ class TestReadOnly:
 
         assert store.read(path) == before
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("VAR-009", "VAR-014", "VAR-217")
     def test_refused(self, subtests):
         """Neither the value nor the start value of a read-only variable can be written."""

@@ -21,6 +21,7 @@ RUN, STOP, STARTUP, POWER_OFF = (
 class TestStop:
     """RUN -> STOP (MC-629, STP-506)."""
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("MC-629", "STP-506", "STP-588")
     @pytest.mark.parametrize(
         ("reaction", "word"),

@@ -156,6 +156,7 @@ class TestInterpolator:
         rig.cycles(2)
         assert rig.reported("overflow of MC_Interpolator")
 
+    @pytest.mark.exhaustive
     def test_a_longer_cycle(self, make_rig):
         """An interpolator that is due every fourth cycle may be interrupted by the servo calls in between."""
         rig = make_rig(cycle_ns=2 * MS, ratio=4).travelling(100.0)

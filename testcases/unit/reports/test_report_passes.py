@@ -19,6 +19,7 @@ def run_of(started: str, verdict: Verdict, level: float, digest: str = "") -> Ru
     return RunResult("t", 1, "bench", "", {}, started, [case])
 
 
+@pytest.mark.exhaustive
 def test_a_failed_case_gets_the_curves_of_its_last_pass(tmp_path):
     """Kept is the last pass of the same bench, whatever failed in between; a case that passes needs none."""
     path = tmp_path / "history.sqlite"

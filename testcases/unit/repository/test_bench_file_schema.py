@@ -45,12 +45,14 @@ def test_the_schema_is_valid_and_the_command_prints_it(capsys):
     assert printed["$schema"] == "https://json-schema.org/draft/2020-12/schema"
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", EMBEDDED)
 def test_embedded_benches_fit_the_schema(name):
     """Every bench file that ships with the product is valid."""
     assert not errors(load_bench(name).text)
 
 
+@pytest.mark.exhaustive
 def test_bench_files_of_the_page_fit_the_schema():
     """Every complete example of the documentation is valid."""
     examples = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)

@@ -56,12 +56,14 @@ def test_every_file_of_a_package_is_in_the_wheel(wheel, package):
     assert sorted(expected - set(wheel.namelist())) == []
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("package", PRODUCT)
 def test_packages_are_marked_as_typed(wheel, package):
     """The type hints are part of the interface (PEP 561)."""
     assert f"{package}/py.typed" in wheel.namelist()
 
 
+@pytest.mark.exhaustive
 def test_nothing_but_the_packages_is_installed(wheel):
     """The wheel has the product and its campaigns; the tests of the product stay in the source."""
     files = {name for name in wheel.namelist() if ".dist-info" not in name}

@@ -286,6 +286,7 @@ def test_every_recorded_column_is_documented():
         assert re.findall(r"`(\w+)`", line) == recorded[name]
 
 
+@pytest.mark.exhaustive
 def test_every_event_kind_of_a_run_is_documented():
     """The kinds of events that a move, a fault and an acknowledgement leave in the log stand in the page."""
     with load_bench("reference").build() as bench:
@@ -348,6 +349,7 @@ def test_pictures_are_small_enough(name, where):
     assert f"images/{name})" in page(where)
 
 
+@pytest.mark.exhaustive
 def test_nothing_is_said_twice_in_a_table_or_list(subtests):
     """No two rows of a table begin with the same two cells, no two points of a page with the same words in
     bold.

@@ -54,6 +54,7 @@ def test_the_places_are_reached_by_the_cases_named_as_likely(judges):
     assert sorted(missing) == []
 
 
+@pytest.mark.exhaustive
 def test_likely_cases_exist(judges):
     """Every pattern of likely cases fits a case."""
     wrong = [

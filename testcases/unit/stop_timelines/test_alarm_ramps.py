@@ -183,12 +183,14 @@ TIMELINES = {name: disabling(name) for name in ("reaction 2", "reaction 3")} | {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("timeline", "step"), steps(TIMELINES))
 def test_step(timeline, step):
     """What the step prints is on the wire, in the status word and at the outputs of the jobs."""
     step.check(alarmed(timeline))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "name",
     [
@@ -211,6 +213,7 @@ def test_ramp(name):
     assert max(abs(row.nset - row.setpoint) for row in bench.rows[bench.edge : standing]) < 1.0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("name", "words", "states"),
     [
@@ -250,6 +253,7 @@ def test_words_of_a_stop(name, words, states):
 # ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-345", "MC-167")
 @pytest.mark.parametrize("mode", [0, 1, 2, 3])
 def test_stop_mode_has_no_say(mode):
@@ -265,6 +269,7 @@ def test_stop_mode_has_no_say(mode):
         assert bench.sequence("stw1") == [0x047F, 0x047E]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-347", "STP-483")
 @pytest.mark.parametrize(
     ("first", "second", "seconds"),
@@ -331,6 +336,7 @@ DISABLED_MEANWHILE = [
 ]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-396", "STP-519", "STP-520", "STP-521")
 @pytest.mark.parametrize(("reaction", "mode", "words", "ramp"), DISABLED_MEANWHILE)
 def test_disabled_during_the_ramp(reaction, mode, words, ramp):
@@ -366,6 +372,7 @@ def test_disabled_during_the_ramp(reaction, mode, words, ramp):
         assert bench.axis.state is AxisState.ALARM_DISABLED
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-397", "STP-574", "STP-487")
 @pytest.mark.parametrize("name", ["reaction 1", "reaction 2", "reaction 3"])
 def test_link_lost_during_the_ramp(name):
@@ -450,6 +457,7 @@ OF_SYNCHRONOUS_AXES = (114, 601, 603, 608, 612)
 WARNINGS = (110, 111, 112, 322, 501, 502, 503, 504, 511, 522, 551)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("number", "reaction", "effect"),
     [

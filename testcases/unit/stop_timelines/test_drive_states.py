@@ -113,6 +113,7 @@ def test_states_and_their_status_word(words, state, zsw1, brake_closed):
             assert led.drive.core.brake.closed is brake_closed
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-272")
 @pytest.mark.parametrize(("word", "zsw1"), [(IDLE, 0x0233), (OFF3, 0x0213)])
 def test_status_word_of_a_ramp(word, zsw1):
@@ -168,6 +169,7 @@ def test_transition(start, word, state, pulses):
             assert led.zsw1 == 0x0213  # now a quick stop
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("word", "seconds", "state", "zsw1"),
     [
@@ -213,6 +215,7 @@ def test_coasting(word, state):
         assert before - 200.0 < led.rpm < before
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("start", "word", "interrupted"),
     [
@@ -257,6 +260,7 @@ def test_bits_of_the_ramp_generator(word, low, high):
         assert led.rpm == pytest.approx(900.0, abs=2.0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-265")
 def test_acknowledging_is_an_edge():
     """The fault stays while bit 7 is only held, and goes with its rising edge."""
@@ -270,6 +274,7 @@ def test_acknowledging_is_an_edge():
         assert not led.master["ZSW1"] & 0x0008
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-267")
 def test_without_control_by_plc_the_telegram_is_ignored():
     """Bit 10 = 0: neither OFF2 nor a new setpoint arrives."""

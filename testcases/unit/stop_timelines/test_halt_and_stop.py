@@ -103,12 +103,14 @@ STOP = [
 ]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("timeline", "step"), steps({"MC_Halt": HALT, "MC_Stop": STOP}))
 def test_step(timeline, step):
     """What the step prints is on the wire, in the status words and at the outputs of the jobs."""
     step.check(halted() if timeline == "MC_Halt" else stopped())
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-406", "STP-414", "STP-511")
 @pytest.mark.parametrize("record", [halted, stopped])
 def test_the_drive_stays_on(record):
@@ -183,6 +185,7 @@ def test_inputs_that_are_refused(mode, inputs, error):
         assert bench.axis.actual_velocity == pytest.approx(100.0, abs=1.0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("give", "abort", "peak"),
     [
@@ -209,6 +212,7 @@ def test_acceleration_at_the_start(give, abort, peak):
         assert found == pytest.approx(peak, abs=1000.0 * 2 * CYCLE_S)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-470")
 def test_a_job_that_is_through():
     """From MOTION to STANDSTILL by itself: setpoint zero, Done, X6; the drive stays on."""
@@ -238,6 +242,7 @@ def superimposed(bench):
     return bench
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-404", "STP-003")
 def test_halt_mode_0_stops_both():
     """Basic and superimposed job are aborted; Done when the sum is zero."""
@@ -252,6 +257,7 @@ def test_halt_mode_0_stops_both():
         assert bench.sequence("stw1") == [0x047F]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-405", "STP-003", "STP-473")
 def test_halt_mode_1_stops_the_basic_motion():
     """The axis goes from 150 to 50 mm/s; there MC_Halt is Done and the superimposed motion goes on."""
@@ -272,6 +278,7 @@ def test_halt_mode_1_stops_the_basic_motion():
 # ------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("give", "controlled"),
     [
@@ -298,6 +305,7 @@ def test_position_control_is_left_as_it_is(give, controlled):
         assert (done == zero) is not controlled
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-407")
 def test_position_monitoring_after_a_halt():
     """An axis that never gets to its place after MC_Halt has alarm 541 after the tolerance time."""
@@ -341,6 +349,7 @@ def test_done_with_an_active_torque_limit(give, monitored):
         assert abs(done - signal) <= 1
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-422", "STP-477")
 def test_released_during_the_ramp():
     """Execute FALSE after 40 ms: the ramp is completed, the block ends at standstill, jobs are possible
@@ -403,6 +412,7 @@ def test_what_aborts_mc_stop():
                 bench.until(halt.done)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-421")
 @pytest.mark.parametrize("cause", ["power", "stop", "alarm"])
 def test_command_aborted_of_mc_stop(cause):

@@ -228,6 +228,7 @@ TIMELINES = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("timeline", "step"), steps(TIMELINES))
 def test_step(timeline, step):
     """What the step prints is on the wire, in the status word and at the outputs of the jobs."""
@@ -237,6 +238,7 @@ def test_step(timeline, step):
 STANDSTILL_DWELL_S = 0.02
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("mode", "words", "answers", "states"),
     [

@@ -186,6 +186,7 @@ def test_pair(active, new, letter, value):
 # -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-439", "STP-443", "STP-484")
 def test_example_1():
     """Reaction 2, 100 ms later MC_Stop Mode 0: 150 ms and 31.7 mm in all, Done, then disabled; no job while
@@ -213,6 +214,7 @@ def test_example_1():
         assert job.ErrorID == 0x8001
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-440")
 def test_example_2():
     """MC_Stop Mode 3, 100 ms later reaction 2: MC_Stop is aborted, about 288 ms in all instead of 400."""
@@ -228,6 +230,7 @@ def test_example_2():
         assert bench.ramp("setpoint")[0] == pytest.approx(0.288, abs=2 * CYCLE_S)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-442")
 def test_alarm_of_equal_severity_during_mc_stop():
     """The ramp of MC_Stop goes on to its Done; then the alarm disables."""
@@ -245,6 +248,7 @@ def test_alarm_of_equal_severity_during_mc_stop():
         assert (rows[-1].status, rows[-1].busy) == (False, True)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-445", "STP-576")
 def test_an_emergency_ramp_that_is_flatter():
     """EmergencyDeceleration 1000 below MaxDeceleration 2000: MC_Stop Mode 0 takes reaction 2 over and brakes
@@ -265,6 +269,7 @@ def test_an_emergency_ramp_that_is_flatter():
         assert bench.ramp("setpoint")[0] == pytest.approx(0.100 + 216.0 / 1000.0, abs=3 * CYCLE_S)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-481", "STP-577")
 @pytest.mark.parametrize(
     ("number", "reaction", "words", "state"),

@@ -157,12 +157,14 @@ def timeline(value):
 TIMELINES = {f"16#{value}": timeline(value) for value in VALUES}
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("timeline", "step"), steps(TIMELINES))
 def test_step(timeline, step):
     """What the step prints is on the wire, in the status word and at the outputs of the jobs."""
     step.check(removed(int(timeline[-1])))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("value", "words", "answers", "states"),
     [
@@ -228,6 +230,7 @@ def test_ramp(value, seconds, travel):
     assert way == pytest.approx(travel, abs=300.0 * 2 * CYCLE_S)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-353", "STP-246", "STP-014")
 def test_coasting_takes_what_the_mechanics_take():
     """With 16#3 the axis rolls out as it does after StopMode 3, cycle for cycle."""
@@ -240,6 +243,7 @@ def test_coasting_takes_what_the_mechanics_take():
     assert [round(row.nact) for row in bench.rows[bench.edge + 1 : bench.edge + 299]] == rolled
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-367", "STP-289", "STP-547")
 @pytest.mark.parametrize("value", [5, 7])
 def test_no_coasting_before_standstill(value):
@@ -252,6 +256,7 @@ def test_no_coasting_before_standstill(value):
     assert abs(bench.rows[stopped].actual_velocity) < 3.0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-367", "STP-319", "STP-290")
 @pytest.mark.parametrize("give", ["alarm", "power"])
 def test_the_drive_says_when_it_stands(give):
@@ -301,6 +306,7 @@ def test_value_written_during_a_stop_counts_for_the_next_one():
         assert bench.states(second) == ["S4", "S1"]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-357", "STP-385")
 @pytest.mark.parametrize("value", [1, 3, 5])
 def test_value_written_during_a_quick_stop_does_not_let_it_coast(value):
@@ -363,6 +369,7 @@ def test_value_means_nothing_without_a_drive(kind):
 # ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-381", "MC-158", "STP-033")
 @pytest.mark.parametrize("value", VALUES)
 def test_enabling_in_the_right_order_moves_nothing(value):
@@ -384,6 +391,7 @@ def test_enabling_in_the_right_order_moves_nothing(value):
         assert abs(bench.axis.var("ActualPosition") - place) < min(window, 0.01)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-382", "STP-489", "STP-568", "MC-158")
 def test_acknowledging_an_off1_ramp():
     """At 100 ms ON comes back, S5 goes to S4 while the axis moves, and it settles after a bounded
@@ -411,6 +419,7 @@ def test_acknowledging_an_off1_ramp():
         assert abs(bench.axis.actual_velocity) < 0.1
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-383", "STP-490", "STP-568")
 @pytest.mark.parametrize(
     ("value", "states"),
@@ -444,6 +453,7 @@ def test_acknowledging_a_stop_that_cannot_be_interrupted(value, states):
         assert not any(event.data["number"] != ALARM for event in bench.events("alarm.raised"))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "STP-384", "STP-385", "STP-569", "STP-491", "STP-492", "MC-155", "MC-156", "STP-522", "STP-523"
 )
