@@ -208,6 +208,14 @@ def run(
     cluster: Annotated[
         str, typer.Option("--cluster", metavar="ADDRESS", help="Run on the workers of this dask scheduler.")
     ] = "",
+    configurations: Annotated[
+        str,
+        typer.Option(
+            "--configurations",
+            metavar="PAIRWISE",
+            help="pairwise: cases on machines that differ in many ways; pairwise:N: each case on N of them.",
+        ),
+    ] = "",
     list_only: Annotated[bool, typer.Option("--list", help="Show the cases and run nothing.")] = False,
     evidence: EvidenceOption = "failed",
     history: HistoryOption = "",
@@ -240,6 +248,7 @@ def run(
         history=history,
         summary=summary,
         catalogue=catalogue,
+        configurations=configurations,
         verbose=verbose,
     )
     raise typer.Exit(list_cases(request) if list_only else run_campaigns(request))

@@ -23,6 +23,13 @@ IndexIncrements = Annotated[
     Unit("inc"),
     Doc("Place of the index (zero mark) within the revolution; below `increments_per_revolution`."),
 ]
+MountingIncrements = Annotated[
+    int,
+    Ge(-(2**31)),
+    Le(2**31 - 1),
+    Unit("inc"),
+    Doc("Value of an absolute encoder where the shaft is at zero: how it has been mounted."),
+]
 
 
 @dataclass(frozen=True, kw_only=True)

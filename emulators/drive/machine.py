@@ -14,7 +14,7 @@ from annotated_types import Ge, Le
 
 from emulators.checked_fields import BENCH_FILE_TABLE, NotNegative, Positive, check_fields
 from emulators.drive.brake import HoldingBrake
-from emulators.drive.keys import EncoderKind, IndexIncrements
+from emulators.drive.keys import EncoderKind, IndexIncrements, MountingIncrements
 from emulators.encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder
 from emulators.input_filter import INPUT_FILTER_MS
 from emulators.mechanics import AxisMechanics, LinearAxisMechanics, RotaryAxisMechanics, SwitchModel
@@ -168,6 +168,10 @@ class LinearAxisConfig:
     """Motor revolutions of the gear."""
     gear_denominator: Annotated[int, Ge(1)] = 1
     """Screw revolutions of the gear."""
+    reversed: bool = False
+    """The load goes backwards while the motor turns forwards: a left-handed screw, a motor mounted the other
+    way round. `Actor.InverseDirection` and `Sensor[1].InverseDirection` of the axis turn it round again.
+    """
     load_mass_kg: NotNegative = 40.0
     """Mass of the load."""
     motor_inertia_kgm2: Positive = 2.0e-4
@@ -240,6 +244,7 @@ class LinearAxisConfig:
             position_m=self.start_position_mm / 1000.0,
             switches=switches,
             backlash_m=self.backlash_mm / 1000.0,
+            reversed_direction=self.reversed,
         )
 
 
@@ -258,6 +263,7 @@ class RotaryAxisConfig:
         stops_rad: Lower and upper end stop, rad; None = none on that side.
         position_rad: Start position, rad.
         backlash_rad: Play between gear and load, rad.
+        reversed: The load turns backwards while the motor turns forwards.
 
     """
 
@@ -271,6 +277,7 @@ class RotaryAxisConfig:
     stops_rad: tuple[float | None, float | None] = (None, None)
     position_rad: float = 0.0
     backlash_rad: float = 0.0
+    reversed: bool = False
 
     def __post_init__(self) -> None:
         self.build()
@@ -295,6 +302,7 @@ class RotaryAxisConfig:
             position_rad=self.position_rad,
             switches=switches,
             backlash_rad=self.backlash_rad,
+            reversed_direction=self.reversed,
         )
 
 
@@ -332,6 +340,7 @@ class EncoderConfig:
         counts_per_revolution: Increments per revolution.
         turns: Distinguishable revolutions of an absolute encoder.
         zero_mark_counts: Place of the zero mark, increments.
+        mounting_counts: Value of an absolute encoder where the shaft is at zero, increments.
         reversed_direction: Counts down in positive direction.
         interpolated: The control loop sees fractions of an increment.
 
@@ -341,6 +350,7 @@ class EncoderConfig:
     counts_per_revolution: int = 131072
     turns: int = 4096
     zero_mark_counts: IndexIncrements = 0
+    mounting_counts: MountingIncrements = 0
     reversed_direction: bool = False
     interpolated: bool = True
 
@@ -354,6 +364,7 @@ class EncoderConfig:
         if self.kind == "absolute":
             return AbsoluteEncoder(
                 turns=self.turns,
+                mounting_offset=self.mounting_counts,
                 counts_per_revolution=self.counts_per_revolution,
                 reversed_direction=self.reversed_direction,
                 zero_mark_counts=self.zero_mark_counts,

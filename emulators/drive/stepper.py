@@ -188,7 +188,7 @@ class StepperTravel:
         else:
             against = self._viscous * speed * self.ratio - self._gravity - self._force
             if speed:
-                against += math.copysign(self._coulomb, speed)
+                against += math.copysign(self._coulomb, speed * self.ratio)
             motor.load_torque = against * self.ratio
         motor.follow()
         position = self._start + motor.angle * self.ratio

@@ -36,7 +36,8 @@ class AxisMechanics:
     Use `LinearAxisMechanics` or `RotaryAxisMechanics`.
 
     Args:
-        ratio: Load units per radian of the motor shaft, > 0.
+        ratio: Load units per radian of the motor shaft, not 0; negative: the load goes backwards while the
+            shaft turns forwards.
         inertia: Inertia of everything, reflected to the load: kg, or kg m^2 for a rotary load; > 0.
         viscous_friction: N per m/s or Nm per rad/s, >= 0.
         coulomb_friction: Sliding friction, N or Nm, >= 0.
@@ -116,7 +117,9 @@ class AxisMechanics:
         backlash: float = 0.0,
         motor_share: float = 0.5,
     ) -> None:
-        self.ratio = checked("ratio", ratio, positive=True)
+        if ratio == 0.0:
+            raise ConfigurationError("ratio", ratio, "a finite number, not 0")
+        self.ratio = checked("ratio", ratio)
         self._inertia = checked("inertia", inertia, positive=True)
         self._viscous = checked("viscous_friction", viscous_friction, minimum=0.0)
         self._coulomb = checked("coulomb_friction", coulomb_friction, minimum=0.0)
@@ -201,7 +204,7 @@ class AxisMechanics:
 
     def set_brake_torque(self, torque_Nm: float) -> None:
         """Set the holding torque of a brake on the motor shaft, Nm, >= 0; it acts like dry friction."""
-        self._brake = checked("torque_Nm", torque_Nm, minimum=0.0) * self._force_per_torque
+        self._brake = checked("torque_Nm", torque_Nm, minimum=0.0) * abs(self._force_per_torque)
         self._refresh_forces()
 
     def set_added_friction(self, force: float) -> None:

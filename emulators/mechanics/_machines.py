@@ -35,6 +35,7 @@ class LinearAxisMechanics(AxisMechanics):
         switches: Switches on the travel, positions in m.
         backlash_m: Play between nut and slide, from one side to the other, m, >= 0; motor and screw are
             on one side of it.
+        reversed_direction: The slide goes backwards while the motor turns forwards.
 
     """
 
@@ -59,6 +60,7 @@ class LinearAxisMechanics(AxisMechanics):
         position_m: float = 0.0,
         switches: Iterable[SwitchModel] = (),
         backlash_m: float = 0.0,
+        reversed_direction: bool = False,
     ) -> None:
         lead = checked("lead_screw_m", lead_screw_m, positive=True)
         gear = checked("gear_ratio", gear_ratio, positive=True)
@@ -69,7 +71,7 @@ class LinearAxisMechanics(AxisMechanics):
         ratio = per_screw / gear
         turning = screw / (per_screw * per_screw) + motor / (ratio * ratio)
         super().__init__(
-            ratio=ratio,
+            ratio=-ratio if reversed_direction else ratio,
             inertia=mass + turning,
             backlash=backlash_m,
             motor_share=_motor_share(turning, mass),
@@ -104,6 +106,7 @@ class RotaryAxisMechanics(AxisMechanics):
         position_rad: Start position, rad.
         switches: Switches on the travel, positions in rad.
         backlash_rad: Play between gear and load, from one side to the other, rad, >= 0.
+        reversed_direction: The load turns backwards while the motor turns forwards.
 
     """
 
@@ -126,12 +129,13 @@ class RotaryAxisMechanics(AxisMechanics):
         position_rad: float = 0.0,
         switches: Iterable[SwitchModel] = (),
         backlash_rad: float = 0.0,
+        reversed_direction: bool = False,
     ) -> None:
         gear = checked("gear_ratio", gear_ratio, positive=True)
         motor = checked("motor_inertia_kgm2", motor_inertia_kgm2, positive=True)
         load = checked("load_inertia_kgm2", load_inertia_kgm2, minimum=0.0)
         super().__init__(
-            ratio=1.0 / gear,
+            ratio=(-1.0 if reversed_direction else 1.0) / gear,
             inertia=load + motor * gear * gear,
             backlash=backlash_rad,
             motor_share=_motor_share(motor * gear * gear, load),

@@ -8,6 +8,7 @@ from fieldbus.errors import UnknownNameError
 from hil._commands.terminal import print_json
 from hil.bench import EMBEDDED
 from hil.bench.bench_file import parse, read
+from hil.configurations import CONFIGURATION, Configuration
 from hil.errors import CannotRunError
 
 
@@ -15,7 +16,7 @@ def show_benches(words: Sequence[str], *, as_json: bool) -> int:
     """List the benches, or print one; returns the exit code.
 
     Args:
-        words: `list` or nothing, or `show` and a name.
+        words: `list` or nothing, or `show` and a name, or the reference of a configuration.
         as_json: As JSON: names and titles, or the content.
 
     Raises:
@@ -32,9 +33,9 @@ def show_benches(words: Sequence[str], *, as_json: bool) -> int:
                 for name, title in rows:
                     print(f"{name:16} {title}")  # noqa: T201 - the answer
         case ["show", name]:
-            if name not in EMBEDDED:
+            if name not in EMBEDDED and not name.startswith(CONFIGURATION):
                 raise UnknownNameError("hil benches show", name, "a bench of the product", EMBEDDED)
-            text = read(name)[1]
+            text = read(name)[1] if name in EMBEDDED else Configuration.of(name).text()
             if as_json:
                 print_json({"name": name, "text": text})
             else:

@@ -20,10 +20,12 @@ from hil.campaign import (
     load_bench_file,
     select_cases,
 )
+from hil.campaign._configurations import draw_configurations
 from hil.campaign._files import Keep
 from hil.campaign._lock import only_run_in
 from hil.campaign._runner import shard
 from hil.campaign._shipped import references
+from hil.configurations import differing
 from hil.errors import CannotRunError
 from hil.protocols import kind_of
 from reports import Background, ReportPaths, replay_command, summary, write_report
@@ -31,6 +33,8 @@ from reports.model import Earlier, RunResult, Verdict
 from reports.store import load_run
 
 _KEEP: Final = ("failed", "all", "none")
+MOST_EACH: Final = 100
+"""Most configurations of a case."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +66,8 @@ class RunRequest:
     """A line for each case."""
     catalogue: Path | None = None
     """Requirements of the user, which lead the report."""
+    configurations: str = ""
+    """`pairwise` or `pairwise:3`: every case on configurations in place of its own bench."""
 
 
 def run_campaigns(request: RunRequest) -> int:
@@ -80,6 +86,8 @@ def selected(request: RunRequest) -> list[Selected]:
             references(one for one in SHIPPED if one.demo) if request.demo else request.paths
         )
         cases = select_cases(found, pattern=request.select, tags=request.tags)
+        if request.configurations:
+            cases = on_configurations(cases, request)
     if not request.last_failed or request.resume:
         return cases
     wanted = failed_before(request.report)
@@ -92,6 +100,33 @@ def selected(request: RunRequest) -> list[Selected]:
             else f"no case failed in {request.report}: there is nothing to repeat"
         )
     return again
+
+
+def on_configurations(cases: list[Selected], request: RunRequest) -> list[Selected]:
+    """Return every case on its configurations, and tell which cases none of them serves."""
+    if request.bench:
+        raise CannotRunError(
+            "--configurations makes the benches: leave --bench out, or give a configuration as --bench alone"
+        )
+    drawn = draw_configurations(cases, seed=request.seed, each=parse_configurations(request.configurations))
+    console().print(drawn.summary, markup=False)
+    return drawn.cases
+
+
+def parse_configurations(text: str) -> int | None:
+    """Read `pairwise`, which is None, or `pairwise:3`.
+
+    Raises:
+        CannotRunError: It is neither.
+
+    """
+    kind, colon, number = text.partition(":")
+    if kind != "pairwise" or (colon and not (number.isdecimal() and 1 <= int(number) <= MOST_EACH)):
+        raise CannotRunError(
+            f"--configurations {text!r} is not allowed; allowed: pairwise, or pairwise:N with N from 1 to "
+            f"{MOST_EACH} configurations for each case"
+        )
+    return int(number) if colon else None
 
 
 def failed_before(directory: Path) -> set[str]:
@@ -115,6 +150,7 @@ def list_cases(request: RunRequest) -> int:
                     "title": item.case.title,
                     "tags": list(item.case.tags),
                     "bench": request.bench or item.case.bench,
+                    "configuration": dict(item.configuration),
                     "campaign": item.campaign,
                     "requirements": list(item.case.requirements),
                 }
@@ -124,6 +160,8 @@ def list_cases(request: RunRequest) -> int:
         return 0
     for item in cases:
         print(f"{item.case.identifier}  {item.case.title}")  # noqa: T201 - the answer
+        if item.configuration:
+            print(f"    {item.case.bench}: {differing(item.configuration)}")  # noqa: T201 - the answer
     console().print(f"{len(cases)} cases", markup=False)
     return 0
 

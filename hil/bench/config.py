@@ -26,6 +26,7 @@ from hil.bench.drive_tables import second_encoder_variables
 from hil.bench.encoder_config import AnyEncoder, EncoderTable
 from hil.bench.io_config import StationTable
 from hil.bench.segment_config import AnySegment
+from hil.bench.units import taken_over_in_unit
 from motion.s7.axis.configuration import encoders_of_telegram, given_values
 from motion.s7.axis.ramp_times import RampTimes
 from motion.s7.variables import VariableStore
@@ -141,7 +142,8 @@ class BenchConfig(Table, frozen=True):
                 values |= dict.fromkeys(SWITCH_LEVELS, level)
             encoders = self.encoders_of_axis(name) or (axis.drive,)
             for number, encoder in enumerate(encoders, start=1):
-                values |= self._values_of_encoder(axis, encoder, f"Sensor[{number}]")
+                own = self._values_of_encoder(axis, encoder, f"Sensor[{number}]")
+                values |= taken_over_in_unit(own, axis.variables)
         return {**values, **self.wired_variables(name), **axis.variables}
 
     def variables_of(self, name: str) -> VariableStore:

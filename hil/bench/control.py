@@ -13,6 +13,7 @@ from hil.bench.axis_config import AxisTable, ExternalEncoderTable, second_of
 from hil.bench.controller_buses import ControllerBuses
 from hil.bench.drive_ports import DrivePorts
 from hil.bench.startup import LINK_TIMEOUT_NS, commission, wait_for_encoders
+from hil.bench.units import taken_over_in_unit
 from hil.errors import BlockedError
 from motion.drives.port import SWITCHES
 from motion.s7.axis import ExternalEncoder, PositioningAxis, SpeedAxis, SynchronousAxis
@@ -201,7 +202,8 @@ class ControlSystem:
             self._recorder.set_constant(f"{name}.{key}", value)
 
     def _add_external_encoder(self, name: str, section: ExternalEncoderTable) -> None:
-        variables = self._config.encoder[section.encoder].taken_over("Sensor")
+        values = self._config.encoder[section.encoder].taken_over("Sensor")
+        variables = taken_over_in_unit(values, section.variables)
         variables.pop("Sensor.MountingMode", None)
         encoder = ExternalEncoder(
             name,

@@ -28,6 +28,7 @@ from emulators.drive.keys import (
     Increments,
     IndexIncrements,
     ModbusKeys,
+    MountingIncrements,
     Off3Keys,
     PowerKeys,
     PullOutTorqueKeys,
@@ -291,6 +292,7 @@ class _ServoTable(_DriveTable, TorqueKeys, Off3Keys, SpeedLoopKeys, frozen=True)
 
     encoder: EncoderKind = EncoderConfig.kind
     index_increments: IndexIncrements = EncoderConfig.zero_mark_counts
+    mounting_increments: MountingIncrements = EncoderConfig.mounting_counts
     mechanics: LinearAxisConfig = LinearAxisConfig()
     switches: SwitchesConfig = SwitchesConfig()
     brake: BrakeConfig = BrakeConfig()
@@ -301,6 +303,11 @@ class _ServoTable(_DriveTable, TorqueKeys, Off3Keys, SpeedLoopKeys, frozen=True)
             raise ValueError(
                 f"index_increments: {self.index_increments} is not below increments_per_revolution = "
                 f"{self.increments_per_revolution}"
+            )
+        if self.mounting_increments and self.encoder == "incremental":
+            raise ValueError(
+                f'mounting_increments: {self.mounting_increments} needs encoder = "absolute"; an incremental '
+                "one counts from zero at power-on"
             )
         return self
 
@@ -342,6 +349,7 @@ class _ServoTable(_DriveTable, TorqueKeys, Off3Keys, SpeedLoopKeys, frozen=True)
                 kind=self.encoder,
                 counts_per_revolution=self.increments_per_revolution,
                 zero_mark_counts=self.index_increments,
+                mounting_counts=self.mounting_increments,
             ),
             "brake": self.brake,
             "rated_torque_nm": self.rated_torque_nm,

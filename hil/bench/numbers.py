@@ -8,6 +8,7 @@ from fieldbus.clock import S
 from fieldbus.errors import ConfigurationError
 from hil.bench.drive_config import WITH_RAMPS, AnalogDriveTable
 from hil.expect.golden import ReferenceAxis
+from motion.s7.units import velocity_factor
 
 if TYPE_CHECKING:
     from hil.bench.config import BenchConfig
@@ -38,21 +39,35 @@ def axis_numbers(config: BenchConfig, axis: AxisHandle, cycle_ns: int) -> Refere
         )
 
     def read(path: str) -> float:
-        return float(axis.var(path))
+        # In position units and s, whatever the unit of velocity is.
+        return float(axis.variables.bind(path).value)
 
     velocity = read("DynamicDefaults.Velocity")
+    lead = abs(60.0 / axis.object.mechanics.rpm_per_unit)
+    machine = section.machine
     return ReferenceAxis(
         maximum_velocity=read("DynamicLimits.MaxVelocity"),
+        maximum_acceleration=read("DynamicLimits.MaxAcceleration"),
         maximum_deceleration=read("DynamicLimits.MaxDeceleration"),
         maximum_jerk=read("DynamicLimits.MaxJerk"),
         emergency_deceleration=read("DynamicDefaults.EmergencyDeceleration"),
         default_velocity=velocity,
+        default_acceleration=read("DynamicDefaults.Acceleration"),
         default_deceleration=read("DynamicDefaults.Deceleration"),
         default_jerk=read("DynamicDefaults.Jerk"),
-        lead_mm=60.0 / axis.object.mechanics.rpm_per_unit,
+        lead_mm=lead,
         maximum_speed_rpm=section.max_speed_rpm,
         off1_time_s=off1_s,
         off3_time_s=off3_s,
         cycle_s=cycle_ns / S,
         start_velocity=velocity,
+        velocity_unit=_velocity_unit(axis),
+        machine_m=0.0 if machine is None else machine.lead_screw_mm / 1000.0 / machine.gear_ratio / lead,
     )
+
+
+def _velocity_unit(axis: AxisHandle) -> float:
+    read = axis.variables.read
+    if axis.variables.object_type == "SpeedAxis":
+        return 1.0
+    return velocity_factor(int(read("Units.VelocityUnit")), int(read("Units.LengthUnit")))

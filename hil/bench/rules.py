@@ -490,6 +490,28 @@ def _lead_screw(axis: AxisFacts) -> Iterator[str]:
 
 
 @_rule(
+    "direction",
+    compares="`Actor.InverseDirection`, `Sensor[1].InverseDirection` and `reversed` of the machine",
+    otherwise="the axis goes the other way than its switches and end stops are placed for, or runs away",
+    keys=(
+        _variable("Actor.InverseDirection"),
+        _variable("Sensor[1].InverseDirection"),
+        "drive.{drive}.mechanics.reversed",
+    ),
+)
+def _direction(axis: AxisFacts) -> Iterator[str]:
+    machine = axis.machine
+    if machine is None or not axis.positions or not axis.from_drive:
+        return
+    for path in ("Actor.InverseDirection", "Sensor[1].InverseDirection"):
+        if axis.read(path) != machine.reversed:
+            yield (
+                f"{path} is {_bool(axis.read(path))}, and reversed of the machine of {axis.drive_name} is "
+                f"{str(machine.reversed).lower()}"
+            )
+
+
+@_rule(
     "maximum-velocity",
     compares="`DynamicLimits.MaxVelocity` through gear and lead, and `Actor.DriveParameter.MaxSpeed`",
     otherwise="the axis cannot reach its maximum velocity",

@@ -6,6 +6,7 @@ import importlib
 import re
 from typing import TYPE_CHECKING
 
+from hil.configurations.factors import CONFIGURATION
 from hil.errors import CannotRunError
 from hil.protocols import BenchFile
 from motion_hil import explain
@@ -21,7 +22,7 @@ def load_bench_file(reference: str | None) -> BenchFile[Bench]:
 
     Args:
         reference: Path of a bench file, name of an embedded bench, `package.module:NAME` of an object
-            that satisfies `hil.protocols.BenchFile`, or empty for the embedded default.
+            that satisfies `hil.protocols.BenchFile`, `configuration:NAME`, or empty for the embedded default.
 
     Raises:
         ConfigurationError: The file does not exist or is wrong.
@@ -39,6 +40,10 @@ def load_bench_file(reference: str | None) -> BenchFile[Bench]:
                 f"bench {reference!r} is no bench file: it lacks build(), name, text or digest"
             )
         return found
+    if reference and reference.startswith(CONFIGURATION):
+        from hil.configurations import Configuration
+
+        return Configuration.of(reference).bench_file()
     from hil.bench import load_bench
 
     return load_bench(reference or None)

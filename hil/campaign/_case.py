@@ -7,19 +7,25 @@ import itertools
 import re
 import string
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import ConfigurationError
+from hil.configurations.factors import CONFIGURATION
+from hil.configurations.needs import ANY, Needs
 
 if TYPE_CHECKING:
     from hil.campaign._context import CaseContext
 
 CaseFunction = Callable[..., object]
 Requirements = Sequence[str] | Callable[..., Iterable[str]]
+Needed = Mapping[str, str | Sequence[str]]
+"""What a case needs of a bench, as `hil.configurations.Needs.of` reads it."""
 
 SIMULATED_LIMIT_S: Final = 120.0
 WALL_LIMIT_S: Final = 300.0
+ON: Final = "@"
+"""Between the identifier of a case and the name of the configuration that it runs on."""
 
 
 def slug(text: str) -> str:
@@ -52,6 +58,22 @@ class Case:
     """Seed of the bench where it belongs to the case; None: made from the seed of the run and the identifier.
     """
 
+    needs: Needs = ANY
+    """What it needs of a configuration that it is to run on."""
+
+    def on(self, configuration: str) -> Case:
+        """Return the case as it runs on a configuration.
+
+        Args:
+            configuration: Name of a configuration.
+
+        """
+        return replace(
+            self,
+            identifier=f"{self.identifier}{ON}{configuration}",
+            bench=f"{CONFIGURATION}{configuration}",
+        )
+
     def call(self, context: CaseContext) -> None:
         """Run the function of the case."""
         self.function(context, **self.parameters)
@@ -67,6 +89,7 @@ class Campaign:
         bench: Bench that the cases are written for (an embedded name or a path),
             used when the user names none.
         signals: Signals kept in the report; empty: the usual ones.
+        needs: What its cases need of a configuration: values by name of a factor.
 
     """
 
@@ -78,6 +101,7 @@ class Campaign:
         requirements: Sequence[str] = (),
         bench: str = "",
         signals: Sequence[str] = (),
+        needs: Needed | None = None,
     ) -> None:
         if not slug(title):
             raise ConfigurationError("campaign title", title, "a text with letters or digits")
@@ -86,6 +110,7 @@ class Campaign:
         self.requirements = tuple(requirements)
         self.bench = bench
         self.signals = tuple(signals)
+        self.needs = Needs.of(needs or {})
         self._cases: dict[str, Case] = {}
 
     @property
@@ -94,10 +119,12 @@ class Campaign:
         return tuple(self._cases.values())
 
     def __getitem__(self, identifier: str) -> Case:
-        return self._cases[identifier]
+        name, _, configuration = identifier.partition(ON)
+        case = self._cases[name]
+        return case.on(configuration) if configuration else case
 
     def __contains__(self, identifier: object) -> bool:
-        return identifier in self._cases
+        return isinstance(identifier, str) and identifier.partition(ON)[0] in self._cases
 
     def __len__(self) -> int:
         return len(self._cases)
@@ -129,6 +156,7 @@ class Campaign:
         without: Sequence[str] = (),
         simulated_limit_s: float = SIMULATED_LIMIT_S,
         wall_limit_s: float = WALL_LIMIT_S,
+        needs: Needed | None = None,
     ) -> Callable[[CaseFunction], CaseFunction]:
         """Register the decorated function as a case.
 
@@ -141,6 +169,7 @@ class Campaign:
             without: Requirements whose always-on checkers do not apply.
             simulated_limit_s: Limit of bench time, s.
             wall_limit_s: Limit of wall time, s.
+            needs: What it needs of a configuration on top of what the campaign needs.
 
         """
         return self.product(
@@ -152,6 +181,7 @@ class Campaign:
             without=without,
             simulated_limit_s=simulated_limit_s,
             wall_limit_s=wall_limit_s,
+            needs=needs,
             parameters={},
         )
 
@@ -167,6 +197,7 @@ class Campaign:
         without: Sequence[str] = (),
         simulated_limit_s: float = SIMULATED_LIMIT_S,
         wall_limit_s: float = WALL_LIMIT_S,
+        needs: Needed | Callable[..., Needed] | None = None,
     ) -> Callable[[CaseFunction], CaseFunction]:
         """Register the decorated function once for every combination of parameters.
 
@@ -181,6 +212,7 @@ class Campaign:
             without: As of `case`.
             simulated_limit_s: As of `case`.
             wall_limit_s: As of `case`.
+            needs: As of `case`, or a function of the parameters that returns it.
 
         Raises:
             ConfigurationError: The name does not tell the combinations apart, or a limit is not positive.
@@ -195,6 +227,7 @@ class Campaign:
             default_title = (inspect.getdoc(function) or name).splitlines()[0].rstrip(".")
             for values in combinations:
                 own = requirements(**values) if callable(requirements) else requirements
+                needed = needs(**values) if callable(needs) else needs
                 self.add(
                     Case(
                         identifier=f"{slug(self.title)}/{slug(_fill(name, values))}",
@@ -209,6 +242,7 @@ class Campaign:
                         without=tuple(without),
                         simulated_limit_s=simulated_limit_s,
                         wall_limit_s=wall_limit_s,
+                        needs=self.needs & Needs.of(needed or {}),
                     )
                 )
             return function

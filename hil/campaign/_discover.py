@@ -8,8 +8,8 @@ import importlib.util
 import pkgutil
 import sys
 import tomllib
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 
@@ -38,6 +38,8 @@ class Selected:
     case: Case
     campaign: str
     """Reference of its campaign."""
+    configuration: Mapping[str, str] = field(default_factory=dict)
+    """Values by name of the factor of the configuration that it runs on; empty: it runs on its own bench."""
 
 
 def _not_importable(what: str, error: Exception) -> CannotRunError:

@@ -126,18 +126,20 @@ class ReferenceAxis:
     """Limits and ramp times of an axis and its drive; by default those of the
     worked numbers: linear, lead screw 10 mm, position-controlled.
 
-    `bench.golden("z")` returns those of an axis of one's own. Units: mm or degrees, and s.
+    `bench.golden("z")` returns those of an axis of one's own. Units: that of the position of the axis, and s.
     """
 
     maximum_velocity: float = 500.0
+    maximum_acceleration: float = 2000.0
     maximum_deceleration: float = 2000.0
     maximum_jerk: float = 20_000.0
     emergency_deceleration: float = 4000.0
     default_velocity: float = 100.0
+    default_acceleration: float = 1000.0
     default_deceleration: float = 1000.0
     default_jerk: float = 10_000.0
     lead_mm: float = 10.0
-    """Travel per revolution of the motor."""
+    """Travel per revolution of the motor, position units, whatever the direction."""
     maximum_speed_rpm: float = 3000.0
     off1_time_s: float = 1.0
     """Time from the maximum speed to zero on the ramp-function generator."""
@@ -146,6 +148,14 @@ class ReferenceAxis:
     cycle_s: float = 0.004
     start_velocity: float = 300.0
     """Velocity at which a ramp begins where none is given."""
+    velocity_unit: float = 1.0
+    """Position units per second in one unit of velocity: velocities of instructions and variables are in that
+    unit (`Units.VelocityUnit`), divide by this.
+    """
+    machine_m: float = 0.001
+    """Travel of the emulated machine per position unit, m: signals of a drive are in m, those of an axis in
+    its own unit; 0 where nobody knows.
+    """
 
     @property
     def drive_velocity(self) -> float:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from fieldbus.errors import ConfigurationError
+from hil.bench.units import UnitScale, variables_in_units
 from hil.errors import CannotRunError
 from reports.json_types import JsonObject
 
@@ -16,57 +17,6 @@ UNITS: Final = "units"
 `Units.LengthUnit` and `.VelocityUnit`.
 """
 _UNIT_KEYS: Final = frozenset({"length", "velocity"})
-
-
-class UnitScale(NamedTuple):
-    """What the numbers of a program, which are in mm and s, are multiplied with for
-    an axis that counts otherwise.
-    """
-
-    length: float = 1.0
-    velocity: float = 1.0
-
-    def of(self, unit: str) -> float:
-        """Return the factor for a unit of a program's parameters or a kind of unit of variables; 1.0 for one
-        without length.
-        """
-        if unit in {"mm/s", "velocity"}:
-            return self.velocity
-        if unit in {"mm", "mm/s3", "position", "acceleration", "jerk", "position/revolution"}:
-            return self.length
-        return 1.0
-
-    @classmethod
-    def of_codes(cls, length: int, velocity: int) -> UnitScale:
-        """Return the scale for codes of `Units.LengthUnit` and
-        `Units.VelocityUnit`; 1 where they are no lengths.
-
-        Raises:
-            ConfigurationError: There is no such code.
-
-        """
-        from motion.s7.units import ANGLES, LENGTHS, VELOCITIES, millimetres, velocity_factor
-
-        if length in ANGLES:
-            return cls()
-        if length not in LENGTHS or velocity not in VELOCITIES:
-            raise ConfigurationError("configuration.units", [length, velocity], "codes of two units")
-        size = millimetres(length)
-        return cls(1.0 / size, 1.0 / size / velocity_factor(velocity, length))
-
-    @classmethod
-    def of_axis(cls, axis: Any) -> UnitScale:
-        """Return the scale for an axis; 1 for one that has no unit of length,
-        and for one that does not tell.
-        """
-        variables = getattr(axis, "variables", None)
-        if variables is None or getattr(variables, "object_type", "SpeedAxis") == "SpeedAxis":
-            return cls()
-        return cls.of_codes(variables.read("Units.LengthUnit"), variables.read("Units.VelocityUnit"))
-
-
-MILLIMETRES: Final = UnitScale()
-"""The units of programs themselves."""
 
 
 @dataclass(frozen=True)
@@ -149,30 +99,9 @@ def _in_units(bench_file: Any, length: int, velocity: int) -> JsonObject:
     """Return the variables of all axes with a position, as numbers in other units: the
     same machine, given otherwise.
     """
-    from motion.s7.data._variables import elements, variables_of
-
-    scale = UnitScale.of_codes(length, velocity)
-    types = {"positioning": "PositioningAxis", "synchronous": "SynchronousAxis"}
-    tables: JsonObject = {}
-    for name, axis in bench_file.config.axis.items():
-        if axis.type not in types:
-            continue
-        values: JsonObject = {"Units.LengthUnit": length, "Units.VelocityUnit": velocity}
-        for variable in variables_of(types[axis.type]):
-            factor = scale.of(variable.unit)
-            if variable.access == "RON" or factor == 1.0:
-                continue
-            for path in elements(variable):
-                given = axis.variables.get(path, variable.initial)
-                # Encoders that do not exist keep their defaults.
-                if given and not path.startswith(("Sensor[2]", "Sensor[3]", "Sensor[4]")):
-                    low, high = variable.variants.get("LINEAR", (variable.minimum, variable.maximum))
-                    values[path] = _within(float(given) * factor, low, high)
-        tables[name] = {"variables": values}
+    tables = {
+        name: {"variables": variables_in_units(axis, length, velocity)}
+        for name, axis in bench_file.config.axis.items()
+        if axis.type != "speed"
+    }
     return {"axis": tables}
-
-
-def _within(value: float, low: float | None, high: float | None) -> float:
-    if low is not None:
-        value = max(value, low)
-    return value if high is None else min(value, high)

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from fieldbus.errors import ConfigurationError
+from hil.bench.units import MILLIMETRES, UnitScale
 from hil.faults import Fault, Parameter
-from hil.fuzz._configuration import MILLIMETRES, Configuration, UnitScale
+from hil.fuzz._configuration import Configuration
 from reports.json_types import JsonObject
 
 _HOW: Final = (

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from fieldbus.errors import ConfigurationError
+from hil.bench.units import UnitScale
 from hil.campaign import CaseContext, Token
 from hil.campaign._execute import collect_evidence
 from hil.errors import BlockedError, CaseTimeoutError, ExpectationFailedError, UnsupportedFaultError
 from hil.expect import ALWAYS_ON, SEARCH_RULES, run_checkers, undecided_until
 from hil.faults import Fault
-from hil.fuzz._configuration import UnitScale
 from hil.fuzz._invariants import Invariant, OneJobOutput, Violation, default_invariants
 from hil.fuzz._program import Break, Do, Program, Step, Wait
 from hil.record import Trace

@@ -20,7 +20,7 @@ from hil.expect import (
 )
 from hil.record import event
 from testcases.campaigns._reactions import cycles, recovers, stopped_for_good
-from testcases.campaigns.stop_modes import GOLDEN, STOPS, WORDS, expectation, give
+from testcases.campaigns.stop_modes import GOLDEN, STOPS, WORDS, expectation, give, ramp_begins, ramp_of
 from testcases.campaigns.support import (
     MAXIMUM_VELOCITY,
     axis_name,
@@ -59,27 +59,10 @@ def in_the_middle(ctx: CaseContext, stop: str) -> float:
 
 def same_ramp(ctx: CaseContext, stop: str) -> Expectation | None:
     """Expect the ramp that the stop makes when nobody interferes; None where it coasts."""
-    kind = STOPS[stop]["ramp"]
-    if kind == "coast":
+    if STOPS[stop]["ramp"] == "coast":
         return None
-    axis, drive = axis_name(ctx), drive_name(ctx)
-    by_drive = kind == "off3"
-    since = quick_stop(ctx) if by_drive else state_change(ctx, STOPS[stop]["state"])
-    expected = expectation(ctx, kind, "constant", since)
-    allowed = tolerance(ctx)
-    factor = 0.001 if by_drive else 1.0
-    return ramp(
-        since,
-        axis=axis,
-        velocity=f"{drive}.motor_speed" if by_drive else f"{axis}.velocity_setpoint",
-        position=f"{drive}.position" if by_drive else f"{axis}.position_setpoint",
-        time_s=expected.time_s,
-        time_tolerance_s=allowed.time_s,
-        distance=expected.distance * factor,
-        distance_tolerance=allowed.distance_mm * factor,
-        delay_s=5 * ctx.bench.cycle_ns * 1e-9 + allowed.time_s,
-        threshold=6.0 if by_drive else 1e-9,
-    )
+    since = ramp_begins(ctx, stop)
+    return ramp_of(ctx, stop, since, expectation(ctx, stop, "constant", since))
 
 
 def operation_stays_enabled(ctx: CaseContext, since: float) -> Expectation:

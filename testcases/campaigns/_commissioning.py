@@ -95,7 +95,7 @@ def greatest_deceleration(ctx: CaseContext, since: Any) -> Expectation:
         axis=axis_name(ctx),
         made_by="controller",
         time_tolerance_s=allowed.time_s,
-        distance_tolerance=allowed.distance_mm,
+        distance_tolerance=allowed.distance,
     ).covers("COM-031")
 
 

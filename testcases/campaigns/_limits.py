@@ -233,7 +233,7 @@ def stopped_on_ramp(
                 velocity=f"{axis}.velocity_setpoint",
                 position=f"{axis}.position_setpoint",
                 time_tolerance_s=allowed.time_s,
-                distance_tolerance=allowed.distance_mm,
+                distance_tolerance=allowed.distance,
                 threshold=1e-9,
                 until=until,
             ).covers("LIM-034", "LIM-036")
@@ -251,7 +251,7 @@ def stopped_on_ramp(
                 time_s=expected.time_s,
                 time_tolerance_s=allowed.time_s,
                 distance=expected.distance * 0.001,
-                distance_tolerance=allowed.distance_mm * 0.001,
+                distance_tolerance=allowed.distance * 0.001,
                 threshold=6.0,
                 until=until,
                 delay_s=cycles(ctx, 5),
@@ -266,7 +266,7 @@ def stopped_on_ramp(
         way,
         "mm",
         low=golden.stop_distance(speed, braking) * 0.9,
-        high=clear + allowed.distance_mm,
+        high=clear + allowed.distance,
     )
 
 

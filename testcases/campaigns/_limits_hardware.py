@@ -163,7 +163,7 @@ def remove_enable(ctx: CaseContext, side: str, reaction: str) -> None:
         way,
         "mm",
         low=expected.distance,
-        high=expected.distance + VELOCITY * detection_s(ctx, 5) + allowed.distance_mm,
+        high=expected.distance + VELOCITY * detection_s(ctx, 5) + allowed.distance,
         requirements=("LIM-033", "LIM-107"),
     )
     ctx.expect(
@@ -178,7 +178,7 @@ def remove_enable(ctx: CaseContext, side: str, reaction: str) -> None:
             threshold=6.0,
             delay_s=detection_s(ctx, 5),
             distance=expected.distance * 0.001,
-            distance_tolerance=allowed.distance_mm * 0.001,
+            distance_tolerance=allowed.distance * 0.001,
         ).covers("LIM-107")
     )
 

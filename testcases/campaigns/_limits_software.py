@@ -162,7 +162,7 @@ def reached(ctx: CaseContext, side: str, motion: str, behaviour: str) -> None:
                 velocity=f"{axis}.velocity_setpoint",
                 position=f"{axis}.position_setpoint",
                 time_tolerance_s=allowed.time_s + cycles(ctx, 1),
-                distance_tolerance=allowed.distance_mm,
+                distance_tolerance=allowed.distance,
                 threshold=1e-9,
                 until=ctx.now_s,
             ).covers("LIM-075", "LIM-077")

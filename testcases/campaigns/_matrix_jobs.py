@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from hil.campaign import CaseContext
-from testcases.campaigns.support import ACCELERATION, JERK, VELOCITY
+from testcases.campaigns.own_axis import Dynamics, Own, own
 
 JOBS: Final = {
     "velocity": "MC_MoveVelocity",
@@ -24,13 +24,8 @@ MOMENTS: Final = {
     "arriving": "as it arrives",
     "standstill": "at standstill",
 }
-HIGH_VELOCITY: Final = 450.0
-"""Velocity that is headed for, so that 300 mm/s are passed on the way up and down, mm/s."""
-TRAVEL: Final = 330.0
-"""Travel of positioning jobs, mm: they reach 450 mm/s and brake from it."""
-CRAWL: Final = 10.0
-"""Velocity below which a job is starting or arriving, mm/s."""
-_DYNAMICS: Final = {"Acceleration": ACCELERATION, "Deceleration": ACCELERATION, "Jerk": JERK}
+_CRAWL_SHARE: Final = 0.02
+"""Velocity below which a job is starting or arriving, as a share of the maximum velocity."""
 
 
 def direction_of(job: str) -> int:
@@ -45,22 +40,28 @@ def bring(ctx: CaseContext, job: str, moment: str) -> Any:
     if moment == "standstill":
         ctx.run_for(0.1)
         return None
-    sign = direction_of(job)
-    velocity = VELOCITY if moment == "constant" else HIGH_VELOCITY
+    sign, values = direction_of(job), own(ctx)
+    crawl = values.speed(_CRAWL_SHARE)
+    velocity = values.velocity if moment == "constant" else values.fast
     instance = _start(ctx, job.partition("-")[0], sign, velocity)
     now = _velocity(ctx, sign)
     if moment == "starting":
-        ctx.wait_until(lambda: now() >= CRAWL / 2, 5.0, "the axis has started")
+        ctx.wait_until(lambda: now() >= crawl / 2, 5.0, "the axis has started")
     elif moment == "accelerating":
-        ctx.wait_until(lambda: now() >= VELOCITY, 5.0, "300 mm/s are passed while accelerating")
+        ctx.wait_until(
+            lambda: now() >= values.velocity,
+            5.0,
+            f"{values.words(values.velocity)} are passed while accelerating",
+        )
     else:
-        ctx.wait_until(lambda: now() >= velocity - 1e-6, 5.0, f"{velocity:g} mm/s are reached")
+        reached = velocity * (1.0 - 1e-9)
+        ctx.wait_until(lambda: now() >= reached, 5.0, f"{values.words(velocity)} are reached")
         if moment == "constant":
             ctx.run_for(0.1)
         else:
             instance = _brake(ctx, job.partition("-")[0], instance)
-            limit = VELOCITY if moment == "decelerating" else CRAWL
-            ctx.wait_until(lambda: now() <= limit, 5.0, f"{limit:g} mm/s are passed while braking")
+            limit = values.velocity if moment == "decelerating" else crawl
+            ctx.wait_until(lambda: now() <= limit, 5.0, f"{values.words(limit)} are passed while braking")
     return instance
 
 
@@ -69,28 +70,37 @@ def _velocity(ctx: CaseContext, sign: int) -> Any:
     return lambda: motion.gen.v * sign
 
 
+def _travel(values: Own) -> float:
+    """Return a travel on which the highest velocity is reached, shortly before the axis brakes."""
+    job = values.dynamics()
+    accelerating = Dynamics(0.0, job.acceleration, job.jerk).stop(values.fast).distance
+    return accelerating + job.stop(values.fast).distance + values.way(0.02)
+
+
 def _start(ctx: CaseContext, kind: str, sign: int, velocity: float) -> Any:
-    axis = ctx.axis
+    axis, values = ctx.axis, own(ctx)
+    inputs, travel = values.dynamics().inputs, _travel(values)
+    with_velocity = {"Velocity": values.given(velocity), **inputs}
     if kind == "velocity":
-        ctx.do(f"MC_MoveVelocity {sign * velocity:g} mm/s")
-        return axis.move_velocity(sign * velocity, **_DYNAMICS)
+        ctx.do(f"MC_MoveVelocity {values.words(sign * velocity)}")
+        return axis.move_velocity(values.given(sign * velocity), **inputs)
     if kind == "jog":
-        ctx.do(f"MC_MoveJog {sign * velocity:g} mm/s")
-        return axis.jog(velocity, backward=sign < 0, **_DYNAMICS)
+        ctx.do(f"MC_MoveJog {values.words(sign * velocity)}")
+        return axis.jog(values.given(velocity), backward=sign < 0, **inputs)
     if kind == "relative":
-        ctx.do(f"MC_MoveRelative {sign * TRAVEL:g} mm with {velocity:g} mm/s")
-        return axis.move_relative(sign * TRAVEL, Velocity=velocity, **_DYNAMICS)
+        ctx.do(f"MC_MoveRelative {sign * travel:.5g} {values.unit} with {values.words(velocity)}")
+        return axis.move_relative(sign * travel, **with_velocity)
     ctx.do("MC_Home Mode 0, Position 0")
     ctx.wait_until(axis.home(0.0).done, 2.0, "the axis is homed")
-    ctx.do(f"MC_MoveAbsolute {sign * TRAVEL:g} mm with {velocity:g} mm/s")
-    return axis.move_absolute(sign * TRAVEL, Velocity=velocity, **_DYNAMICS)
+    ctx.do(f"MC_MoveAbsolute {sign * travel:.5g} {values.unit} with {values.words(velocity)}")
+    return axis.move_absolute(sign * travel, **with_velocity)
 
 
 def _brake(ctx: CaseContext, kind: str, instance: Any) -> Any:
     """Let the job brake; positioning jobs do so by themselves."""
     if kind == "velocity":
-        ctx.do("MC_MoveVelocity 0 mm/s: the axis brakes")
-        return ctx.axis.move_velocity(0.0, **_DYNAMICS)
+        ctx.do("MC_MoveVelocity 0: the axis brakes")
+        return ctx.axis.move_velocity(0.0, **own(ctx).dynamics().inputs)
     if kind == "jog":
         ctx.do("JogForward, JogBackward = FALSE: the axis brakes")
         instance.set(JogForward=False, JogBackward=False)

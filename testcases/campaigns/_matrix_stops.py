@@ -6,18 +6,14 @@ from typing import Any, Final
 
 from fieldbus.errors import ConfigurationError
 from hil.campaign import CaseContext
-from hil.expect import happens, job_output, never_happens, ramp, standstill, state_at, value_at
+from hil.expect import happens, job_output, never_happens, standstill, state_at, value_at
 from hil.record import event
 from testcases.campaigns._reactions import cycles, machine_at_rest
 from testcases.campaigns._superseding import cell
-from testcases.campaigns.stop_modes import STOPS, expectation, give
+from testcases.campaigns.stop_modes import STOPS, braking_of, expectation, give, ramp_begins, ramp_of
 from testcases.campaigns.support import (
     axis_name,
-    drive_name,
-    quick_stop,
     settle_s,
-    state_change,
-    tolerance,
 )
 
 BETWEEN_S: Final = 0.04
@@ -128,30 +124,13 @@ def _makes_its_ramp(
         return  # nobody brakes
     if winner != first and STOPS[first]["state"] in {STOPS[winner]["state"], "ALARM_RAMP"} and kind != "off3":
         return  # the ramp changes within the same state (STP-484): the log does not tell when
-    axis, drive = axis_name(ctx), drive_name(ctx)
-    by_drive = kind == "off3"
-    since = quick_stop(ctx) if by_drive else state_change(ctx, STOPS[winner]["state"])
+    since = ramp_begins(ctx, winner)
     if ctx.trace().instant(since) is None:
         ctx.expect(happens(since, since=since_s).covers(*identifiers))
         return
     try:
-        expected = expectation(ctx, kind, "", since)
+        expected = expectation(ctx, winner, "", since, running=braking_of(ctx, first))
     except ConfigurationError:
         # The first ramp brakes harder than the second one may: no formula says how the one becomes the other.
         return
-    allowed = tolerance(ctx)
-    factor = 0.001 if by_drive else 1.0
-    ctx.expect(
-        ramp(
-            since,
-            axis=axis,
-            velocity=f"{drive}.motor_speed" if by_drive else f"{axis}.velocity_setpoint",
-            position=f"{drive}.position" if by_drive else f"{axis}.position_setpoint",
-            time_s=expected.time_s,
-            time_tolerance_s=allowed.time_s,
-            distance=expected.distance * factor,
-            distance_tolerance=allowed.distance_mm * factor,
-            delay_s=cycles(ctx, 5) + allowed.time_s,
-            threshold=6.0 if by_drive else 1e-9,
-        ).covers(*identifiers)
-    )
+    ctx.expect(ramp_of(ctx, winner, since, expected).covers(*identifiers))

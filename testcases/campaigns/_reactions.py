@@ -8,6 +8,7 @@ import numpy as np
 
 from hil.campaign import CaseContext
 from hil.expect import no_motion_after, standstill, state_at, value_at
+from testcases.campaigns.own_axis import own
 from testcases.campaigns.support import acknowledge, axis_name, drive_name
 
 _STANDSTILL: Final = 1 << 7
@@ -25,6 +26,11 @@ def detection_s(ctx: CaseContext, number: float) -> float:
         for switch in ("negative_limit", "positive_limit")
     )
     return cycles(ctx, number) + max(filters)
+
+
+def calls(ctx: CaseContext, number: float) -> float:
+    """Return the time of `number` calls of the user program plus the scheduling tolerance of the bench, s."""
+    return number * own(ctx).call_s + float(ctx.bench.config.tolerance.time_s)
 
 
 def stopped_for_good(ctx: CaseContext, ended: float) -> None:

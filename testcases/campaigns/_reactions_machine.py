@@ -87,7 +87,7 @@ def limit_switch(ctx: CaseContext, phase: str) -> None:
                 velocity=f"{axis}.velocity_setpoint",
                 position=f"{axis}.position_setpoint",
                 time_tolerance_s=allowed.time_s,
-                distance_tolerance=allowed.distance_mm,
+                distance_tolerance=allowed.distance,
                 threshold=1e-9,
                 until=ended,
             ).covers("LIM-034")
@@ -198,7 +198,7 @@ def emergency_from_actual_values(ctx: CaseContext) -> None:
         high=60.0,
         requirements=("STP-123",),
     )
-    allowed = tolerance(ctx).distance_mm
+    allowed = tolerance(ctx).distance
     ctx.measure(
         "its first position setpoint, from the actual position",
         ahead,

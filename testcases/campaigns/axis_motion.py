@@ -11,7 +11,8 @@ import numpy as np
 from hil.bench import BenchFile, load_bench
 from hil.campaign import Campaign, CaseContext
 from hil.expect import always, no_alarm
-from testcases.campaigns._reactions import cycles
+from testcases.campaigns._reactions import calls, cycles
+from testcases.campaigns.own_axis import own
 from testcases.campaigns.support import axis_name, drive_name, enable
 
 _HERE: Final = "testcases.campaigns.axis_motion"
@@ -56,34 +57,53 @@ PLAY: Final = _with_scale(
 )
 
 CAMPAIGN: Final = Campaign("axis motion", tags=("axis",), bench="reference")
-INTERPOLATOR: Final = Campaign("interpolator", tags=("axis",), bench=f"{_HERE}:SLOW")
-ENCODERS: Final = Campaign("two encoders", tags=("axis", "encoder"), bench=f"{_HERE}:TWO")
-BACKLASH: Final = Campaign("backlash", tags=("axis", "mechanics"), bench=f"{_HERE}:PLAY")
+INTERPOLATOR: Final = Campaign(
+    "interpolator", tags=("axis",), bench=f"{_HERE}:SLOW", needs={"interpolator": "not 1", "play": "none"}
+)
+ENCODERS: Final = Campaign(
+    "two encoders",
+    tags=("axis", "encoder"),
+    bench=f"{_HERE}:TWO",
+    needs={"feedback": "both", "motion": ("linear", "rotary"), "play": "none"},
+)
+BACKLASH: Final = Campaign(
+    "backlash",
+    tags=("axis", "mechanics"),
+    bench=f"{_HERE}:PLAY",
+    needs={"feedback": "both", "motion": ("linear", "rotary"), "play": "compensated"},
+)
 
 
 @CAMPAIGN.case("slows-down", requirements=("MC-296",))
 def slows_down(ctx: CaseContext) -> None:
-    """A velocity is reduced with the deceleration of the job, not with its acceleration: 200 mm/s with 500
-    mm/s2 and 10000 mm/s3.
-    """
-    axis = axis_name(ctx)
+    """A velocity is reduced with deceleration and jerk of the job, not with its acceleration."""
+    axis, values = axis_name(ctx), own(ctx)
     enable(ctx)
-    fast = ctx.axis.move_velocity(300.0, Acceleration=2000.0, Deceleration=2000.0, Jerk=0.0)
-    ctx.wait_until(fast.in_velocity, 3.0, "300 mm/s are reached")
+    high, low = values.speed(values.draw("high", 0.55, 0.7)), values.speed(values.draw("low", 0.12, 0.2))
+    fast = ctx.axis.move_velocity(values.given(high), **values.dynamics("fast").without_jerk().inputs)
+    ctx.wait_until(fast.in_velocity, 3.0, f"{values.words(high)} are reached")
     since = ctx.now_s
-    slow = ctx.axis.move_velocity(100.0, Acceleration=2000.0, Deceleration=500.0, Jerk=10_000.0)
-    ctx.wait_until(slow.in_velocity, 3.0, "100 mm/s are reached")
-    wanted = 200.0 / 500.0 + 500.0 / 10_000.0
+    dynamics = values.dynamics("slow").with_jerk(values.golden)
+    ctx.do(f"MC_MoveVelocity {values.words(low)}")
+    slow = ctx.axis.move_velocity(values.given(low), **dynamics.inputs)
+    ctx.wait_until(slow.in_velocity, 3.0, "the lower velocity is reached")
+    wanted = dynamics.stop(high - low).time_s
     ctx.measure(
         "time to the lower velocity",
         ctx.now_s - since,
         "s",
-        low=wanted - cycles(ctx, 2),
-        high=wanted + cycles(ctx, 3),
+        low=wanted - calls(ctx, 2),
+        high=wanted + calls(ctx, 3),
         requirements=("MC-296",),
     )
     greatest = float(-ctx.trace()[f"{axis}.acceleration_setpoint"].values.min())
-    ctx.measure("greatest deceleration", greatest, "mm/s2", low=499.0, high=500.0 + 1e-6)
+    ctx.measure(
+        "greatest deceleration",
+        greatest,
+        f"{values.unit}/s2",
+        low=0.998 * dynamics.deceleration,
+        high=(1.0 + 1e-9) * dynamics.deceleration,
+    )
     ctx.expect(no_alarm(axis=axis))
 
 
@@ -92,72 +112,105 @@ def superimposed_room(ctx: CaseContext) -> None:
     """A superimposed motion gets what the basic one leaves of the velocity limit, and covers its distance all
     the same.
     """
-    axis = axis_name(ctx)
+    axis, values = axis_name(ctx), own(ctx)
     enable(ctx)
-    basic = ctx.axis.move_velocity(450.0, Acceleration=2000.0, Jerk=0.0)
-    ctx.wait_until(basic.in_velocity, 3.0, "450 mm/s are reached")
+    limit = values.golden.maximum_velocity
+    velocity = values.speed(values.draw("basic", 0.86, 0.92))
+    dynamics = values.dynamics().without_jerk()
+    basic = ctx.axis.move_velocity(values.given(velocity), **dynamics.inputs)
+    ctx.wait_until(basic.in_velocity, 3.0, f"{values.words(velocity)} are reached")
     since = ctx.now_s
-    dynamics = {"Acceleration": 2000.0, "Deceleration": 2000.0, "Jerk": 0.0}
-    moving = ctx.axis.move_superimposed(10.0, VelocityDiff=200.0, **dynamics)
+    begun = _setpoint(ctx, axis)
+    left, distance = limit - velocity, values.way(values.draw("distance", 0.018, 0.024))
+    extra = values.dynamics("superimposed").without_jerk()
+    moving = ctx.axis.move_superimposed(
+        distance, VelocityDiff=values.given(values.speed(0.37)), **extra.inputs
+    )
     ctx.wait_until(moving.done, 2.0, "the superimposed motion has ended")
-    wanted = 10.0 / 50.0 + 50.0 / 2000.0
+    took = ctx.now_s - since
+    wanted = distance / left + left / 2.0 / extra.acceleration + left / 2.0 / extra.deceleration
     ctx.measure(
-        "time for 10 mm with 50 mm/s",
-        ctx.now_s - since,
+        f"time for {distance:.4g} {values.unit} with {left:.4g} {values.unit}/s",
+        took,
         "s",
-        low=wanted - cycles(ctx, 2),
-        high=wanted + cycles(ctx, 4),
+        low=wanted - calls(ctx, 2),
+        high=wanted + calls(ctx, 4),
+    )
+    covered = _setpoint(ctx, axis) - begun - velocity * took
+    slack = 2e-3 * distance + velocity * calls(ctx, 1)
+    ctx.measure(
+        "way of the superimposed motion", covered, values.unit, low=distance - slack, high=distance + slack
     )
     ctx.expect(
-        always("at most 500 mm/s", lambda v: v <= 500.0 + 1e-6, f"{axis}.velocity_setpoint").covers("MC-352"),
+        always(
+            "at most the maximum velocity", lambda v: v <= limit * (1.0 + 1e-9), f"{axis}.velocity_setpoint"
+        ).covers("MC-352"),
         # What the control adds to the highest velocity may reach the limit of the speed setpoint.
         no_alarm(axis=axis, besides=(504,)),
     )
 
 
+def _setpoint(ctx: CaseContext, axis: str) -> float:
+    return float(ctx.trace()[f"{axis}.position_setpoint"].values[-1])
+
+
 @INTERPOLATOR.case("constant-travel", requirements=("CFG-152",))
 def constant_travel(ctx: CaseContext) -> None:
-    """Three servo cycles to one of the interpolator: what the drive is given moves evenly, and the drive
+    """Several servo cycles to one of the interpolator: what the drive is given moves evenly, and the drive
     follows evenly.
     """
-    axis, drive = axis_name(ctx), drive_name(ctx)
+    axis, drive, values = axis_name(ctx), drive_name(ctx), own(ctx)
     enable(ctx)
-    job = ctx.axis.move_velocity(200.0, Acceleration=1000.0, Jerk=10_000.0)
-    ctx.wait_until(job.in_velocity, 3.0, "200 mm/s are reached")
-    ctx.run_for(0.2)
+    velocity = values.speed(values.draw("velocity", 0.35, 0.45))
+    job = ctx.axis.move_velocity(values.given(velocity), **values.dynamics().inputs)
+    ctx.wait_until(job.in_velocity, 3.0, f"{values.words(velocity)} are reached")
+    ctx.run_for(0.2 + values.settling_s * (values.kpc < 100.0))
     since = ctx.now_s
     ctx.run_for(0.3)
-    velocity = ctx.trace()[f"{drive}.velocity"]
-    during = velocity.values[velocity.time_s > since] * 1000.0
-    ctx.measure("unevenness of the drive", float(np.ptp(during)), "mm/s", high=0.5, requirements=("CFG-152",))
+    speed = ctx.trace()[f"{drive}.velocity"]
+    during = speed.values[speed.time_s > since]
+    ctx.measure(
+        "unevenness of the drive",
+        float(np.ptp(during)) / values.golden.machine_m,
+        f"{values.unit}/s",
+        high=0.5 * values.slow,
+        requirements=("CFG-152",),
+    )
     error = ctx.trace()[f"{axis}.following_error"]
     lag = float(np.abs(error.values[error.time_s > since]).max())
-    ctx.measure("following error", lag, "mm", high=0.1)
-
-
-_DIFFERENCE: Final = 0.4
-"""What the scale has slipped by, mm (CFG-330)."""
+    left = velocity * (1.0 - values.kpc / 100.0) / values.kv
+    ctx.measure("following error", lag, values.unit, high=1.2 * left + values.way(4e-4))
 
 
 @ENCODERS.product(
     "switched/{mode}",
     parameters={"mode": (0, 1, 2, 3)},
-    title="MC_SetSensor Mode {mode} at rest, the encoders 0.4 mm apart",
+    title="MC_SetSensor Mode {mode} at rest, the encoders some increments apart",
     requirements=("CFG-325", "CFG-326", "CFG-327", "CFG-328", "CFG-329", "CFG-330"),
 )
 def switched(ctx: CaseContext, mode: int) -> None:
     """Mode 0 is bumpless, 1 steps and is made up slowly, 2 and 3 transfer a position and switch nothing."""
-    axis, drive = axis_name(ctx), drive_name(ctx)
+    axis, drive, values = axis_name(ctx), drive_name(ctx), own(ctx)
+    scale = ctx.bench.config.axis[axis].encoders[1]
+    finest = values.increments[1]
+    # What the scale has slipped by (CFG-330).
+    slipped = max(round(values.way(values.draw("slip", 7e-4, 9e-4)) / finest), 8)
+    difference = slipped * finest
+    fine, coarse = max(0.025 * difference, 3.0 * values.increment, 2.0 * finest), 0.25 * difference
     enable(ctx)
-    ctx.wait_until(ctx.axis.home(100.0).done, 2.0, "the axis is homed")
+    place = values.way(values.draw("place", 0.15, 0.25))
+    ctx.wait_until(ctx.axis.home(place).done, 2.0, "the axis is homed")
     ctx.wait_until(ctx.axis.set_sensor(2, mode=2).done, 2.0, "both encoders agree")
-    ctx.inject("encoder.jump", "scale", increments=round(_DIFFERENCE * 1000.0))
+    ctx.inject("encoder.jump", scale, increments=slipped)
     ctx.run_for(0.1)
 
     def shown(number: int) -> float:
         return float(ctx.axis.var(f"StatusSensor[{number}].Position"))
 
-    ctx.measure("encoder 2 ahead", shown(2) - shown(1), "mm", low=_DIFFERENCE - 0.01, high=_DIFFERENCE + 0.01)
+    def expect(name: str, value: float, wanted: float, slack: float) -> None:
+        ctx.measure(name, value, values.unit, low=wanted - slack, high=wanted + slack)
+
+    expect("encoder 2 ahead", shown(2) - shown(1), difference, fine)
     since = ctx.now_s
     # Mode 3 takes the position of encoder 2 over to encoder 1, which goes on controlling.
     target, reference = (1, 2) if mode == 3 else (2, 1)
@@ -166,26 +219,34 @@ def switched(ctx: CaseContext, mode: int) -> None:
     )
     ctx.run_for(cycles(ctx, 2))
     at_once = float(ctx.axis.var("ActualPosition"))
-    ctx.run_for(1.0)
+    ctx.run_for(0.7 + values.settling_s)
     stepped = mode in (1, 3)
-    wanted = 100.0 + (_DIFFERENCE if stepped else 0.0)
-    slack = 0.1 if stepped else 0.01
-    ctx.measure("ActualPosition at once", at_once, "mm", low=wanted - slack, high=wanted + slack)
+    expect(
+        "ActualPosition at once",
+        at_once,
+        place + (difference if stepped else 0.0),
+        coarse if stepped else fine,
+    )
     operative = 2 if mode < 2 else 1
     ctx.measure("OperativeSensor", float(ctx.axis.var("OperativeSensor")), low=operative, high=operative)
-    rest = shown(2) - shown(1)
-    apart = _DIFFERENCE if mode == 1 else 0.0
-    ctx.measure("encoders apart in the end", rest, "mm", low=apart - 0.02, high=apart + 0.02)
+    apart = difference if mode == 1 else 0.0
+    expect("encoders apart in the end", shown(2) - shown(1), apart, 2.0 * fine)
     trace = ctx.trace()
     machine = trace[f"{drive}.position"]
-    moved = (float(machine.values[-1]) - machine.at(since)) * 1000.0
-    back = -_DIFFERENCE if stepped else 0.0
-    ctx.measure("way of the machine", moved, "mm", low=back - 0.02, high=back + 0.02)
+    moved = (float(machine.values[-1]) - machine.at(since)) / values.golden.machine_m
+    expect("way of the machine", moved, -difference if stepped else 0.0, 2.0 * fine)
     speed = trace[f"{drive}.velocity"]
-    fastest = float(np.abs(speed.values[speed.time_s > since]).max()) * 1000.0
-    # Unsmoothed it would be Kv * 0.4 mm = 8 mm/s.
+    fastest = float(np.abs(speed.values[speed.time_s > since]).max()) / values.golden.machine_m
+    # Unsmoothed it would be Kv times the difference.
     if mode == 1:
-        ctx.measure("greatest velocity on the way", fastest, "mm/s", high=4.0, requirements=("CFG-329",))
+        smoothing_s = float(ctx.axis.variables.read("PositionControl.SmoothingTimeByChangeDifference"))
+        ctx.measure(
+            "greatest velocity on the way",
+            fastest,
+            f"{values.unit}/s",
+            high=1.05 * difference / smoothing_s,
+            requirements=("CFG-329",),
+        )
     ctx.expect(no_alarm(axis=axis))
 
 
@@ -199,43 +260,52 @@ def reversal(ctx: CaseContext, direction: str) -> None:
     """The motor goes the play further, PassingBacklash is shown meanwhile and no longer, and the load goes
     exactly its way.
     """
-    axis, drive = axis_name(ctx), drive_name(ctx)
+    axis, drive, values = axis_name(ctx), drive_name(ctx), own(ctx)
     sign = 1.0 if direction == "forward" else -1.0
+    play = float(ctx.axis.variables.read("Sensor[1].Backlash.Size"))
+    there, back = (
+        values.way(values.draw("there", 0.008, 0.012)),
+        values.way(values.draw("back", 0.017, 0.023)),
+    )
+    slack = 0.1 * play + 2.0 * max(values.increments)
+    speed = values.given(values.speed(0.03))
     enable(ctx)
-
-    def move(distance: float) -> None:
-        job = ctx.axis.move_relative(distance, Velocity=50.0)
-        ctx.wait_until(job.done, 3.0, f"{distance:g} mm are gone")
-        ctx.run_for(0.2)
-
-    move(5.0 * sign)
+    out = ctx.axis.move_relative(there * sign, Velocity=speed)
+    ctx.wait_until(out.done, 3.0, "the play has been passed once")
+    ctx.run_for(values.settling_s)
     ctx.wait_until(ctx.axis.home(0.0).done, 2.0, "the axis is homed")
     load = float(ctx.axis.var("StatusSensor[2].Position"))
     start = ctx.now_s
-    back = ctx.axis.move_relative(-10.0 * sign, Velocity=50.0)
+    returning = ctx.axis.move_relative(-back * sign, Velocity=speed)
     shown = []
-    while not back.done() and ctx.now_s < start + 3.0:
+    while not returning.done() and ctx.now_s < start + 3.0:
         ctx.run_for(cycles(ctx, 1))
         shown.append((ctx.now_s, bool(ctx.axis.var("StatusWord2.X2"))))
-    ctx.run_for(0.2)
+    ctx.run_for(values.settling_s)
     machine = ctx.trace()[f"{drive}.position"]
 
     def gone_by(time_s: float) -> float:
-        return abs(machine.at(time_s) - machine.at(start)) * 1000.0
+        return abs(machine.at(time_s) - machine.at(start)) / values.golden.machine_m
 
-    motor = gone_by(ctx.now_s)
     ctx.measure(
-        "way of the motor", motor, "mm", low=9.98 + PLAY_MM, high=10.02 + PLAY_MM, requirements=("CFG-554",)
+        "way of the motor",
+        gone_by(ctx.now_s),
+        values.unit,
+        low=back + play - slack,
+        high=back + play + slack,
+        requirements=("CFG-554",),
     )
     passing = [gone_by(time_s) for time_s, bit in shown if bit]
     ctx.measure(
         "way of the motor while PassingBacklash is shown",
         max(passing, default=0.0),
-        "mm",
-        low=0.5 * PLAY_MM,
-        high=1.5 * PLAY_MM,
+        values.unit,
+        low=0.5 * play,
+        high=1.5 * play,
         requirements=("CFG-553",),
     )
     gone = abs(float(ctx.axis.var("StatusSensor[2].Position")) - load)
-    ctx.measure("way of the load", gone, "mm", low=9.97, high=10.03, requirements=("CFG-554",))
+    ctx.measure(
+        "way of the load", gone, values.unit, low=back - slack, high=back + slack, requirements=("CFG-554",)
+    )
     ctx.expect(no_alarm(axis=axis))

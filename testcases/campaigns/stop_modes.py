@@ -7,10 +7,11 @@ crossed with constant travel, acceleration, deceleration and standstill.
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from hil.campaign import Campaign, CaseContext
 from hil.expect import (
+    Expectation,
     golden,
     job_output,
     no_motion_after,
@@ -21,11 +22,9 @@ from hil.expect import (
     value_at,
 )
 from hil.record import EventSelector
+from testcases.campaigns.own_axis import Dynamics, own
 from testcases.campaigns.support import (
-    ACCELERATION,
-    MAXIMUM_VELOCITY,
     PHASES,
-    VELOCITY,
     axis_name,
     bring_into,
     drive_name,
@@ -111,6 +110,9 @@ PHASE_WORDS: Final = {
     "standstill": "at standstill",
 }
 
+WITH_INPUTS: Final = ("stop-3", "halt")
+"""Stops whose instruction has inputs for deceleration and jerk."""
+
 GOLDEN: Final = {
     "emergency": "STP-008",
     "maximum": "STP-009",
@@ -138,18 +140,32 @@ def requirements_of(stop: str, phase: str, words: str = "") -> tuple[str, ...]:
     return (*ids, GOLDEN[facts["ramp"]]) if phase == "constant" else ids
 
 
+def braking_of(ctx: CaseContext, stop: str) -> Dynamics | None:
+    """Return what a stop with inputs brakes with, drawn from the seed or the dynamic defaults; None: it has
+    no inputs.
+    """
+    if stop not in WITH_INPUTS:
+        return None
+    values = own(ctx)
+    by_inputs = values.draw(f"inputs of {stop}", 0.0, 1.0) < 0.5
+    return values.dynamics(stop, braking=(0.62, 0.8)) if by_inputs else values.defaults()
+
+
 def give(ctx: CaseContext, stop: str) -> Any:
     """Give the stop; returns the instance that shows its end."""
     kind, _, number = stop.partition("-")
+    braking = braking_of(ctx, stop)
+    inputs = {} if braking is None or braking == own(ctx).defaults() else braking.braking
+    words = "".join(f", {name} {value:.5g}" for name, value in inputs.items())
     if kind == "power":
         ctx.do(f"MC_Power Enable = FALSE, StopMode {number}")
         return ctx.axis.power(False, stop_mode=int(number))
     if kind == "stop":
-        ctx.do(f"MC_Stop Mode {number}")
-        return ctx.axis.stop(int(number))
+        ctx.do(f"MC_Stop Mode {number}{words}")
+        return ctx.axis.stop(int(number), **inputs)
     if kind == "halt":
-        ctx.do("MC_Halt")
-        return ctx.axis.halt()
+        ctx.do(f"MC_Halt{words}")
+        return ctx.axis.halt(**inputs)
     reaction = int(number)
     alarm_number = ALARM_OF_REACTION[reaction]
     ctx.do(f"alarm {alarm_number} with reaction {reaction}")
@@ -180,23 +196,29 @@ def stop_case(ctx: CaseContext, stop: str, phase: str, words: str) -> None:
 def stops_as_specified(ctx: CaseContext, stop: str, phase: str, job: Any) -> None:
     """Give a stop in a phase of a job (None at standstill), and expect of it what the specification says."""
     facts = STOPS[stop]
-    allowed = tolerance(ctx)
+    allowed, values = tolerance(ctx), own(ctx)
     axis, drive = axis_name(ctx), drive_name(ctx)
     before = ctx.now_s
     instance = give(ctx, stop)
     coast = facts["ramp"] == "coast"
-    ctx.run_for((4.0 if coast and phase != "standstill" else 1.5) + settle_s(ctx))
+    ctx.run_for((4.0 if coast and phase != "standstill" else 1.2 + values.settling_s) + settle_s(ctx))
     ended = ctx.now_s
 
-    since = state_change(ctx, facts["state"])
     ctx.expect(state_at(axis, ended, facts["end"]).covers(*facts["ids"]))
-    ctx.expect(standstill(by=ended - 0.2, axis=axis), no_motion_after(ended - 0.2, axis=axis))
+    ctx.expect(
+        standstill(by=ended - 0.2, axis=axis, tolerance=values.slow),
+        no_motion_after(ended - 0.2, axis=axis, tolerance=values.still),
+    )
     if stop in CONTROL_WORDS:
         ctx.expect(stw1_sequence(CONTROL_WORDS[stop], axis=axis, since=before))
     if job is not None:
         output = "Error" if stop.startswith("reaction") else "CommandAborted"
         error_id = 0x8001 if stop.startswith("reaction") else None
-        ctx.expect(job_output(job.name, output, since=before, within_s=allowed.time_s, error_id=error_id))
+        ctx.expect(
+            job_output(
+                job.name, output, since=before, within_s=allowed.time_s + values.call_s, error_id=error_id
+            )
+        )
     if stop.startswith("power"):
         ctx.expect(value_at(f"{axis}.power_status", ended, 0.0, tolerance=0.0))
         ctx.expect(value_at(f"{axis}.power_busy", ended, 0.0, tolerance=0.0).covers("STP-294"))
@@ -206,40 +228,35 @@ def stops_as_specified(ctx: CaseContext, stop: str, phase: str, job: Any) -> Non
         ctx.expect(job_output(instance.name, "Done", since=before))
         ctx.expect(value_at(f"{axis}.power_status", ended, 1.0, tolerance=0.0))
     if phase == "standstill":
-        ctx.expect(no_motion_after(before, axis=axis).covers("STP-298"))
+        ctx.expect(no_motion_after(before, axis=axis, tolerance=values.still).covers("STP-298"))
         return
     if coast:
         # The mechanics alone decide; what can be said is that nobody brakes: the drive has no torque from now
         # on.
         ctx.expect(
             ramp(
-                since, axis=axis, velocity=f"{drive}.motor_speed", position=f"{drive}.position", threshold=1.0
+                state_change(ctx, facts["state"]),
+                axis=axis,
+                velocity=f"{drive}.motor_speed",
+                position=f"{drive}.position",
+                threshold=values.rpm(values.slow) / 6.0,
             )
         )
         return
     by_drive = facts["ramp"] == "off3"
-    if by_drive:
-        since = quick_stop(ctx)
-    expected = expectation(ctx, facts["ramp"], phase, since)
-    factor = 0.001 if by_drive else 1.0
-    identifiers = requirements_of(stop, phase)
+    since = ramp_begins(ctx, stop)
+    expected = expectation(ctx, stop, phase, since)
     ctx.expect(
-        ramp(
-            since,
-            axis=axis,
-            velocity=f"{drive}.motor_speed" if by_drive else f"{axis}.velocity_setpoint",
-            position=f"{drive}.position" if by_drive else f"{axis}.position_setpoint",
-            time_s=expected.time_s,
-            time_tolerance_s=allowed.time_s,
-            distance=expected.distance * factor,
-            distance_tolerance=allowed.distance_mm * factor,
-            delay_s=5 * ctx.bench.cycle_ns * 1e-9 + float(ctx.bench.config.tolerance.time_s),
-            made_by="drive" if by_drive else None,
-            threshold=6.0 if by_drive else 1e-9,
-        ).covers(*identifiers)
+        ramp_of(ctx, stop, since, expected, made_by="drive" if by_drive else None).covers(
+            *requirements_of(stop, phase)
+        )
     )
     # What the machine does: the same ramp, later by the transport delay of two cycles.
     delay_s = 2 * ctx.bench.cycle_ns * 1e-9
+    # An emergency ramp begins at the actual position, the others at a setpoint that is ahead of it by what
+    # the precontrol leaves to position control.
+    start_s = None if facts["ramp"] == "emergency" else ctx.trace().instant(since)
+    behind = 0.0 if start_s is None else ctx.trace()[f"{axis}.following_error"].at(start_s)
     if phase == "constant" and not by_drive:
         ctx.expect(
             ramp(
@@ -247,41 +264,101 @@ def stops_as_specified(ctx: CaseContext, stop: str, phase: str, job: Any) -> Non
                 axis=axis,
                 velocity=f"{drive}.velocity",
                 position=f"{drive}.position",
-                distance=(expected.distance + VELOCITY * delay_s) * 0.001,
-                distance_tolerance=allowed.distance_mm * 0.001,
-                threshold=0.0005,
+                distance=values.metres(expected.distance + values.velocity * delay_s + behind),
+                distance_tolerance=values.metres(allowed.distance),
+                threshold=values.metres(values.slow / 2.0),
             ).named("travel of the machine")
         )
 
 
-def expectation(ctx: CaseContext, kind: str, phase: str, since: EventSelector | float) -> golden.StopRamp:
+def ramp_begins(ctx: CaseContext, stop: str) -> EventSelector:
+    """Select the instant at which the ramp of a stop begins."""
+    kind = STOPS[stop]["ramp"]
+    if kind == "off3":
+        return quick_stop(ctx)
+    since = state_change(ctx, STOPS[stop]["state"])
+    if kind == "emergency" and (
+        stop.startswith("reaction") or ctx.bench.interpolator_ns > ctx.bench.cycle_ns
+    ):
+        # Here the setpoint goes to the actual position, where the ramp begins, in the cycle after the state.
+        return since.plus(ctx.bench.cycle_ns * 1e-9)
+    return since
+
+
+def ramp_of(
+    ctx: CaseContext,
+    stop: str,
+    since: EventSelector,
+    expected: golden.StopRamp,
+    *,
+    made_by: Literal["drive"] | None = None,
+) -> Expectation:
+    """Expect the ramp of a stop: of the setpoint, or of the machine where the drive makes it.
+
+    Args:
+        ctx: The case.
+        stop: One of `STOPS`, not one that coasts.
+        since: Beginning of the ramp.
+        expected: Its time and its travel.
+        made_by: Who has to make it; None: that is not asked.
+
+    """
+    allowed, values = tolerance(ctx), own(ctx)
+    axis, drive = axis_name(ctx), drive_name(ctx)
+    by_drive = STOPS[stop]["ramp"] == "off3"
+    factor = values.golden.machine_m if by_drive else 1.0
+    return ramp(
+        since,
+        axis=axis,
+        velocity=f"{drive}.motor_speed" if by_drive else f"{axis}.velocity_setpoint",
+        position=f"{drive}.position" if by_drive else f"{axis}.position_setpoint",
+        time_s=expected.time_s,
+        time_tolerance_s=allowed.time_s,
+        distance=expected.distance * factor,
+        distance_tolerance=allowed.distance * factor,
+        delay_s=5 * ctx.bench.interpolator_ns * 1e-9 + float(ctx.bench.config.tolerance.time_s),
+        made_by=made_by,
+        threshold=values.rpm(values.slow) if by_drive else 1e-9 * values.golden.maximum_velocity,
+    )
+
+
+def expectation(
+    ctx: CaseContext,
+    stop: str,
+    phase: str,
+    since: EventSelector | float,
+    *,
+    running: Dynamics | None = None,
+) -> golden.StopRamp:
     """Return the ramp by the formulas of the specification, from the velocity that the trace shows at its
     beginning.
 
     Args:
         ctx: The case.
-        kind: Kind of ramp, of `STOPS`.
-        phase: Phase of motion; in another one than those of the reference axis the trace tells the
-            acceleration.
+        stop: One of `STOPS`.
+        phase: Phase of motion; in another one than `PHASES` the trace tells the acceleration.
         since: Beginning of the ramp.
+        running: What the job brakes with that runs; None: with the dynamics of the case.
 
     """
     trace = ctx.trace()
     start_s = trace.instant(since)
     if start_s is None:
         return golden.StopRamp(0.0, 0.0, 0.0)
-    axis = axis_name(ctx)
+    axis, values, kind = axis_name(ctx), own(ctx), STOPS[stop]["ramp"]
+    limits, running = values.golden, running or values.dynamics()
     if kind == "off3":
-        speed = abs(trace[f"{drive_name(ctx)}.motor_speed"].at(start_s)) * MAXIMUM_VELOCITY / 3000.0
-        return golden.drive_ramp(speed, MAXIMUM_VELOCITY, 0.5)
+        return limits.off3(values.of_rpm(trace[f"{drive_name(ctx)}.motor_speed"].at(start_s)))
     if kind == "emergency":
-        return golden.stop_ramp(abs(trace[f"{axis}.actual_velocity"].at(start_s)), 4000.0)
+        return limits.emergency(trace[f"{axis}.actual_velocity"].at(start_s))
     velocity = trace[f"{axis}.velocity_setpoint"].at(start_s)
     if phase in PHASES:
-        present = {"accelerating": ACCELERATION, "decelerating": -ACCELERATION}.get(phase, 0.0)
+        present = {"accelerating": running.acceleration, "decelerating": -running.deceleration}.get(
+            phase, 0.0
+        )
     else:
         present = trace[f"{axis}.acceleration_setpoint"].at(start_s) * math.copysign(1.0, velocity)
-    velocity = abs(velocity)
+    braking = braking_of(ctx, stop) or running
     if kind == "maximum":
-        return golden.stop_ramp(velocity, 2000.0, 20_000.0, acceleration=present)
-    return golden.stop_ramp(velocity, 1000.0, 10_000.0, acceleration=present)
+        braking = Dynamics(0.0, limits.maximum_deceleration, limits.maximum_jerk)
+    return braking.stop(velocity, present)

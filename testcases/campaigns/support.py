@@ -11,6 +11,7 @@ from typing import Any, Final
 from hil.campaign import CaseContext
 from hil.errors import BlockedError
 from hil.record import EventSelector, event
+from testcases.campaigns.own_axis import own
 
 VELOCITY: Final = 300.0
 """Velocity at which every stop of the specification's numbers begins, mm/s."""
@@ -35,16 +36,17 @@ class Tolerance:
     """How far a measurement may lie from the number of the specification on this bench."""
 
     time_s: float
-    distance_mm: float
+    distance: float
+    """In the position unit of the axis."""
 
 
 def tolerance(ctx: CaseContext) -> Tolerance:
     """Return the tolerance that the bench file states, applied to this bench's cycle (section 0.3)."""
     section = ctx.bench.config.tolerance
-    time_s = section.cycles * ctx.bench.interpolator_ns * 1e-9 + section.time_s
-    return Tolerance(
-        time_s, VELOCITY * section.cycles * ctx.bench.interpolator_ns * 1e-9 + section.distance_mm
-    )
+    cycles_s = section.cycles * ctx.bench.interpolator_ns * 1e-9
+    axis = own(ctx)
+    extra = section.distance_mm / 1000.0 / (axis.golden.machine_m or 1.0)
+    return Tolerance(cycles_s + section.time_s, axis.velocity * cycles_s + extra)
 
 
 def settle_s(ctx: CaseContext) -> float:
@@ -153,32 +155,34 @@ def enable(ctx: CaseContext) -> Any:
 
 
 def bring_into(ctx: CaseContext, phase: str, *, direction: int = 1) -> Any:
-    """Bring the enabled axis into a phase of motion at 300 mm/s; returns the running job, None at
+    """Bring the enabled axis into a phase of motion at `Own.velocity`; returns the running job, None at
     standstill.
     """
-    axis = ctx.axis
+    axis, values = ctx.axis, own(ctx)
     if phase == "standstill":
         ctx.run_for(0.1)
         return None
-    dynamics = {"Acceleration": ACCELERATION, "Deceleration": ACCELERATION, "Jerk": JERK}
-    if phase == "constant":
-        ctx.do(f"MC_MoveVelocity {VELOCITY * direction:g} mm/s")
-        job = axis.move_velocity(VELOCITY * direction, **dynamics)
-        ctx.wait_until(job.in_velocity, 5.0, "constant travel is reached")
-        ctx.run_for(0.1)
-        return job
-    ctx.do(f"MC_MoveVelocity {450 * direction:g} mm/s")
-    job = axis.move_velocity(450.0 * direction, **dynamics)
+    inputs = values.dynamics().inputs
+    top = values.velocity if phase == "constant" else values.fast
+    ctx.do(f"MC_MoveVelocity {values.words(top * direction)}")
+    job = axis.move_velocity(values.given(top * direction), **inputs)
     if phase == "accelerating":
         ctx.wait_until(
-            lambda: axis.motion.gen.v * direction >= VELOCITY, 5.0, "300 mm/s are passed while accelerating"
+            lambda: axis.motion.gen.v * direction >= values.velocity,
+            5.0,
+            f"{values.words(values.velocity)} are passed while accelerating",
         )
         return job
-    ctx.wait_until(job.in_velocity, 5.0, "450 mm/s are reached")
-    ctx.do("MC_MoveVelocity 0 mm/s: the axis brakes")
-    job = axis.move_velocity(0.0, **dynamics)
+    ctx.wait_until(job.in_velocity, 5.0, "constant travel is reached")
+    if phase == "constant":
+        ctx.run_for(0.1)
+        return job
+    ctx.do("MC_MoveVelocity 0: the axis brakes")
+    job = axis.move_velocity(0.0, **inputs)
     ctx.wait_until(
-        lambda: axis.motion.gen.v * direction <= VELOCITY, 5.0, "300 mm/s are passed while braking"
+        lambda: axis.motion.gen.v * direction <= values.velocity,
+        5.0,
+        f"{values.words(values.velocity)} are passed while braking",
     )
     return job
 

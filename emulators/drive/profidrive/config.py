@@ -297,6 +297,7 @@ class ProfidriveConfig(TorqueKeys, PowerKeys, TelegramKeys):
             self.encoder,
             counts_per_revolution=self.encoder.counts_per_revolution << self.fine_resolution_bits,
             zero_mark_counts=self.encoder.zero_mark_counts << self.fine_resolution_bits,
+            mounting_counts=self.encoder.mounting_counts << self.fine_resolution_bits,
         )
 
     @property

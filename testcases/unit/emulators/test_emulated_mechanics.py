@@ -52,6 +52,26 @@ def test_rotary_axis_gear():
     assert mechanics.motor_speed == pytest.approx(5.0 * mechanics.velocity)
 
 
+@pytest.mark.parametrize("backlash", [0.0, 1e-4])
+def test_a_reversed_machine_is_the_mirror_image(backlash):
+    """The load goes the same way backwards while the motor turns forwards, against the same friction and
+    brake, with play and without.
+    """
+    parts = {"lead_screw_m": 0.01, "motor_inertia_kgm2": 1e-4, "load_mass_kg": 20.0, "backlash_m": backlash}
+    plain, mirrored = (
+        LinearAxisMechanics(**parts, coulomb_friction=25.0, reversed_direction=turned)
+        for turned in (False, True)
+    )
+    for brake_nm, torque_nm in ((0.0, 0.4), (0.1, 0.4), (0.1, -0.3), (0.3, 0.2), (0.0, -0.03)):
+        for mechanics in (plain, mirrored):
+            mechanics.set_brake_torque(brake_nm)
+            run(mechanics, torque_nm, 0.05)
+        assert mirrored.motor_angle == pytest.approx(plain.motor_angle, rel=1e-12)
+        assert mirrored.motor_speed == pytest.approx(plain.motor_speed, rel=1e-12)
+        assert mirrored.position == pytest.approx(-plain.position, rel=1e-12)
+    assert abs(plain.position) > 1e-3
+
+
 def test_viscous_friction_decays_to_the_terminal_speed():
     """With viscous friction the speed goes to F/b with the time constant m/b."""
     mechanics = axis(viscous_friction=4.0)
@@ -232,7 +252,7 @@ def test_forced_and_inverted_switch():
     "options",
     [
         {"inertia": 0.0},
-        {"ratio": -1.0},
+        {"ratio": 0.0},
         {"viscous_friction": -1.0},
         {"coulomb_friction": math.nan},
         {"coulomb_friction": 2.0, "static_friction": 1.0},

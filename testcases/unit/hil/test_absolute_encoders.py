@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import pytest
 
-from hil.bench import BenchFile, load_bench
+from hil.bench import BenchFile, BenchFileError, load_bench
 
 pytestmark = pytest.mark.exhaustive
 
@@ -61,3 +61,24 @@ def test_beyond_the_measuring_range(profile, part, kind, way, shown):
         off_and_on(machine, part)
         assert axis.var("ActualPosition") == pytest.approx(shown, abs=0.1)
         assert (axis.var("StatusWord.X5"), axis.var("StatusSensor[1].Adjusted")) == (True, 1)
+
+
+@pytest.mark.parametrize("bench", ["reference", "profidrive"])
+@pytest.mark.parametrize("turns", [-3.25, 0.5, 511.75])
+def test_the_encoder_says_how_it_is_mounted(bench, turns):
+    """An absolute encoder on the motor shows its place of mounting where the machine is at zero; an
+    incremental one has none.
+    """
+    file = load_bench(bench)
+    counts = file.config.drive["drive1"].increments_per_revolution
+    mounted = {"mounting_increments": round(turns * counts)}
+    absolute = {"Sensor[1].Type": 1, "Sensor[1].Parameter.DeterminableRevolutions": 4096}
+    tables = {
+        "drive": {"drive1": mounted | {"encoder": "absolute"}},
+        "axis": {"axis1": {"variables": absolute}},
+    }
+    with file.configured(tables).build(seed=1) as machine:
+        machine.run_for(0.1)
+        assert machine.axis().var("ActualPosition") == pytest.approx(10.0 * turns)
+    with pytest.raises(BenchFileError, match=r'mounting_increments: .* needs encoder = "absolute"'):
+        file.configured({"drive": {"drive1": mounted}})

@@ -2,6 +2,8 @@
 
 import pytest
 
+from hil.bench import load_bench
+from hil.bench.units import variables_in_units
 from hil.errors import ConfigurationError
 from hil.expect import golden, ramp
 from hil.testing import CurrentTrace
@@ -26,6 +28,32 @@ def test_the_numbers_are_those_of_the_bench_file():
         with pytest.raises(ConfigurationError, match="x, y, z"):
             bench.golden("u")
     assert golden.REFERENCE_AXIS.drive_velocity == 500.0
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_numbers_are_in_position_units_and_s(turned):
+    """Whatever the unit of velocity is, and whichever way the motor turns: the same machine in m and m/min
+    has the same ramps.
+    """
+    mm = load_bench("reference").build(seed=1)
+    tables = variables_in_units(load_bench("reference").config.axis["axis1"], 1010, 1525)
+    variables = tables | dict.fromkeys(("Actor.InverseDirection", "Sensor[1].InverseDirection"), turned)
+    m = load_bench("reference").configured(
+        {
+            "axis": {"axis1": {"variables": variables}},
+            "drive": {"drive1": {"mechanics": {"reversed": turned}}},
+        }
+    )
+    with mm, m.build(seed=1) as bench:
+        assert bench.axis().var("DynamicLimits.MaxVelocity") == pytest.approx(30.0)
+        usual, own = mm.golden(), bench.golden()
+        assert own.velocity_unit == pytest.approx(1.0 / 60.0)
+        assert own.machine_m == pytest.approx(1.0)
+        assert usual.machine_m == pytest.approx(0.001)
+        for kind in ("emergency", "maximum", "off1", "off3", "job"):
+            expected, found = getattr(usual, kind)(300.0), getattr(own, kind)(0.3)
+            assert found.time_s == pytest.approx(expected.time_s)
+            assert found.distance == pytest.approx(expected.distance / 1000.0)
 
 
 @pytest.mark.parametrize(

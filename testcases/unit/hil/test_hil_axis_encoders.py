@@ -5,8 +5,10 @@ from __future__ import annotations
 import pytest
 
 from fieldbus.errors import ConfigurationError
+from hil.bench import load_bench
 from hil.bench.bench import Bench
 from hil.bench.bench_file import BenchFileError, parse, read
+from hil.bench.units import variables_in_units
 
 ENCODER = """
 [encoder.enc1]
@@ -344,3 +346,27 @@ class TestSecondOfTheTelegram:
             ConfigurationError, match=r"Sensor\[2\].Interface.Number: 1 is not allowed; allowed: 2"
         ):
             Bench(parse(text, "bench.toml"), seed=1)
+
+
+@pytest.mark.parametrize("unit", [1013, 1010, 1019])
+def test_the_lines_of_a_scale_are_taken_over_in_the_unit_of_the_object(unit):
+    """An axis in m, mm or inches, and an external encoder next to it, measure the way that the slide goes."""
+    size_m = {1013: 0.001, 1010: 1.0, 1019: 0.0254}[unit]
+    file = load_bench("reference")
+    axis = variables_in_units(file.config.axis["axis1"], unit, {1013: 1062, 1010: 1061, 1019: 1066}[unit])
+    scale = {"segment": "can0", "type": "incremental_linear", "on": "drive1", "mounting": "load"}
+    tables = {
+        "encoder": {name: scale | {"node_id": node} for name, node in (("scale", 20), ("second", 21))},
+        "axis": {"axis1": {"encoders": ["scale"], "variables": axis}},
+        "external_encoder": {
+            "ext1": {"encoder": "second", "variables": {"Units.LengthUnit": unit}},
+        },
+    }
+    with file.configured(tables).build(seed=1) as bench:
+        axis1, ext1 = bench.axis(), bench.external_encoder()
+        assert bench.run_until(axis1.power().status, 2.0)
+        begun = ext1.var("ActualPosition")
+        assert bench.run_until(axis1.move_relative(0.04 / size_m).done, 3.0)
+        moved_m = bench.trace()["drive1.position"].values[-1]
+        assert moved_m == pytest.approx(0.04, abs=2e-4)
+        assert (ext1.var("ActualPosition") - begun) * size_m == pytest.approx(moved_m, abs=5e-6)
