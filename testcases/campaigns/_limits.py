@@ -23,6 +23,7 @@ from hil.expect import (
 )
 from hil.record import EventSelector, event
 from testcases.campaigns._reactions import cycles, detection_s
+from testcases.campaigns.own_axis import own
 from testcases.campaigns.support import (
     MAXIMUM_VELOCITY,
     VELOCITY,
@@ -108,23 +109,24 @@ def set_in_motion(ctx: CaseContext, motion: str, sign: int) -> list[Any]:
         job = bring_into(ctx, motion, direction=sign)
         return [] if job is None else [job]
     velocity = VELOCITY * sign
+    inputs = own(ctx).dynamics().inputs
     words = f"{motion} at {velocity:g} mm/s"
     ctx.do(words)
     if motion == "jog":
-        jobs = [axis.jog(VELOCITY, backward=sign < 0, **DYNAMICS)]
+        jobs = [axis.jog(VELOCITY, backward=sign < 0, **inputs)]
     elif motion == "positioning":
-        jobs = [axis.move_relative(400.0 * sign, Velocity=VELOCITY, **DYNAMICS)]
+        jobs = [axis.move_relative(400.0 * sign, Velocity=VELOCITY, **inputs)]
     elif motion == "homing":
         axis.write("Homing.ApproachVelocity", VELOCITY)
         axis.write("Homing.ApproachDirection", sign < 0)
         jobs = [axis.home(0.0, mode=3)]
     elif motion == "superimposed":
         jobs = [
-            axis.move_velocity(0.5 * velocity, **DYNAMICS),
-            axis.move_superimposed(400.0 * sign, VelocityDiff=0.5 * VELOCITY, **DYNAMICS),
+            axis.move_velocity(0.5 * velocity, **inputs),
+            axis.move_superimposed(400.0 * sign, VelocityDiff=0.5 * VELOCITY, **inputs),
         ]
     elif motion == "uncontrolled":
-        jobs = [axis.move_velocity(velocity, PositionControlled=False, **DYNAMICS)]
+        jobs = [axis.move_velocity(velocity, PositionControlled=False, **inputs)]
     else:
         jobs = [axis.motion_in_velocity(0.0)]
         for step in range(1, 76):  # 1000 mm/s2 of a user program that gives its setpoints itself

@@ -30,9 +30,8 @@ from testcases.campaigns._limits import (
     set_in_motion,
 )
 from testcases.campaigns._reactions import cycles
+from testcases.campaigns.own_axis import own
 from testcases.campaigns.support import (
-    ACCELERATION,
-    JERK,
     VELOCITY,
     acknowledge,
     acknowledge_and_enable,
@@ -70,9 +69,12 @@ def _prepare(ctx: CaseContext, *, active: bool = True, homed: bool = True, **sta
     ctx.run_for(cycles(ctx, 2))
 
 
-def _braking(behaviour: str) -> tuple[float, float]:
+def _braking(ctx: CaseContext, behaviour: str) -> tuple[float, float]:
     """Return deceleration and jerk of the approach: those of the job, or the greatest ones."""
-    return (ACCELERATION, JERK) if CURRENT[behaviour] else (2000.0, 20_000.0)
+    axis = own(ctx)
+    if CURRENT[behaviour]:
+        return axis.dynamics().deceleration, axis.dynamics().jerk
+    return axis.golden.maximum_deceleration, axis.golden.maximum_jerk
 
 
 def _rests_on(ctx: CaseContext, side: str, limit: float, *, since: float | EventSelector) -> None:
@@ -133,8 +135,10 @@ def reached(ctx: CaseContext, side: str, motion: str, behaviour: str) -> None:
     jobs = set_in_motion(ctx, motion, sign)
     if motion == "accelerating":
         # So close that braking has to begin in a moment, while the axis still accelerates.
-        deceleration, jerk = _braking(behaviour)
-        room = golden.stop_ramp(VELOCITY, deceleration, jerk, acceleration=ACCELERATION).distance
+        deceleration, jerk = _braking(ctx, behaviour)
+        room = golden.stop_ramp(
+            VELOCITY, deceleration, jerk, acceleration=own(ctx).dynamics().acceleration
+        ).distance
         ctx.axis.write(
             f"PositionLimits_SW.{'Max' if sign > 0 else 'Min'}Position",
             ctx.axis.var("Position") + sign * (room + 10.0),
@@ -152,7 +156,7 @@ def reached(ctx: CaseContext, side: str, motion: str, behaviour: str) -> None:
     start = ctx.trace().instant(since)
     if motion not in ("accelerating", "motion-in") and start is not None:
         velocity = abs(ctx.trace()[f"{axis}.velocity_setpoint"].at(start))
-        deceleration, jerk = _braking(behaviour)
+        deceleration, jerk = _braking(ctx, behaviour)
         allowed = tolerance(ctx)
         ctx.expect(
             ramp(
