@@ -17,6 +17,8 @@ import hil.expect
 import hil.faults
 import hil.testing
 from hil.cli import app as command_line
+from motion.kernel.cams import LAWS, End, Interpolation, Point, interpolate, law_between
+from reports.html.curves import Panel, markup, picture
 
 project = "motion-hil"
 author = "the authors of motion-hil"
@@ -44,6 +46,8 @@ python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 100
 
 COMMANDS_MARK = "<!-- the commands, from the definition of `hil` -->"
+INTERPOLATIONS_MARK = "<!-- the interpolations, drawn -->"
+LAWS_MARK = "<!-- the laws, drawn -->"
 OWNERS = [hil.campaign, hil.errors, hil.expect, hil.faults, hil.testing]
 """Packages with a section of their own; `hil` repeats some of their names."""
 NAMES_MARK = re.compile(r"<!-- the public names of ([\w.]+) -->")
@@ -143,8 +147,57 @@ def fill_in(_, page, source):
     """Put what is generated into a page."""
     if page == "reference/commands":
         source[0] = source[0].replace(COMMANDS_MARK, commands_page())
+    if page == "reference/cams":
+        source[0] = (
+            source[0].replace(INTERPOLATIONS_MARK, cam_interpolations()).replace(LAWS_MARK, cam_laws())
+        )
     if page.startswith("reference/python/"):
         source[0] = NAMES_MARK.sub(public_names, source[0])
+
+
+def drawn(node):
+    """Return a picture as a block of a page."""
+    return f"```{{raw}} html\n{markup(node)}\n```"
+
+
+def cam_interpolations():
+    """Return a picture of every way to interpolate the same points."""
+    points = [Point(*pair) for pair in ((0.0, 0.0), (60.0, 40.0), (140.0, 20.0), (200.0, 70.0), (360.0, 0.0))]
+    parts = []
+    for mode in Interpolation:
+        curve = interpolate(points, [], mode)
+        x = [curve.start + curve.period * number / 360.0 for number in range(361)]
+        values = [curve.evaluate(one) for one in x]
+        panels = [
+            Panel("following value", [one[0] for one in values], [(one.x, one.y) for one in points]),
+            Panel("first derivative", [one[1] for one in values]),
+            Panel("second derivative", [one[2] for one in values]),
+        ]
+        parts += [f"### {mode.name.capitalize()}", "", drawn(picture(x, panels, label="leading value")), ""]
+    return "\n".join(parts)
+
+
+def cam_laws():
+    """Return picture and characteristic values of every law, for the first transition that it is for."""
+    ends = {"R": {}, "G": {"slope": 0.5}, "U": {"reversal": True}}
+    parts = []
+    for name, kind in LAWS.items():
+        task = (kind.tasks or ("RR",))[0]
+        slopes = {"slope": 1.0} if name == "straight_line" else {}
+        law = law_between(name, End(0, 0, **ends[task[0]] | slopes), End(1, 1, **ends[task[1]] | slopes))
+        x = [number / 400.0 for number in range(401)]
+        values = [(*law.evaluate(one), law.third(one)) for one in x]
+        labels = ("way", "velocity", "acceleration", "jerk")
+        panels = [Panel(label, [one[order] for one in values]) for order, label in enumerate(labels)]
+        found = law.characteristics
+        numbers = ", ".join(
+            f"{label} {'infinite' if value == float('inf') else format(value, '.4g')}"
+            for label, value in zip(("Cv", "Ca", "Ca*", "Cj", "Cmdyn"), found, strict=True)
+        )
+        tasks = ", ".join(kind.tasks) or "all"
+        text = f"For {tasks}. Here {task}: {numbers}."
+        parts += [f"### `{name}`", "", text, "", drawn(picture(x, panels, label="leading value")), ""]
+    return "\n".join(parts)
 
 
 def markdown_code(_sphinx, _what, _name, _object, _options, lines):

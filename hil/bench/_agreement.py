@@ -94,6 +94,7 @@ def _tables(config: BenchConfig) -> dict[str, tuple[str, Mapping[str, Any]]]:
         "encoder": ("an encoder", config.encoder),
         "device": ("a device", config.device),
         "station": ("a station", config.station),
+        "cam": ("a cam", config.cam),
     }
 
 
@@ -107,6 +108,10 @@ def _check_whole(config: BenchConfig, mistakes: _Mistakes) -> None:
         mistakes.texts.append(
             f"station.{next(iter(config.station))}: stations are emulated on virtual benches; "
             'set bench.kind = "virtual"'
+        )
+    if config.cam and config.bench.cpu != "S7-1500T":
+        mistakes.texts.append(
+            f'cam.{next(iter(config.cam))}: an {config.bench.cpu} has no cams; set bench.cpu = "S7-1500T"'
         )
     if not config.bench.live and any(one.device == "physical" for one in config.drive.values()):
         mistakes.texts.append('a virtual bench cannot hold a physical drive; set bench.kind = "live"')

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from hil.protocols import Device, Drive, Encoder
     from motion.drives.profidrive_encoder import ProfidriveEncoderPort
     from motion.drives.station import StationLink
+    from motion.s7.cam_handle import CamHandle
     from motion.s7.controller import Controller
     from motion.s7.handles import AxisHandle, EncoderHandle
 
@@ -54,6 +55,7 @@ _GC_THRESHOLD: Final = 100_000
 _INJECTOR: Final = 'faults.inject("drive.fault", ...): `faults` is a fixture, else hil.Injector(bench)'
 _INSTEAD: Final = {
     "axes": 'bench.axis("x"), with a name of bench.axis_names',
+    "cams": 'bench.cam("profile"), with a name of bench.cam_names',
     "drives": 'bench.drive("x_drive"), with a name of bench.drive_names',
     "encoders": 'bench.encoder("scale"), with a name of bench.encoder_names',
     "devices": 'bench.device("box"), with a name of bench.device_names',
@@ -213,6 +215,16 @@ class Bench:
         """Return an external encoder (technology object) by name, or the first one."""
         return named("external encoder", self._control.external_encoders, name)
 
+    def cam(self, name: str | None = None) -> CamHandle:
+        """Return a cam by name, or the first one: `bench.run_until(bench.cam("knife").interpolate().done,
+        1.0)`.
+
+        Raises:
+            ConfigurationError: There is no such cam.
+
+        """
+        return named("cam", self._control.cams, name)
+
     def drive(self, name: str | None = None) -> Drive:
         """Return an emulated drive by name, or the first one.
 
@@ -370,6 +382,11 @@ class Bench:
     def external_encoder_names(self) -> tuple[str, ...]:
         """Names of the external encoders (technology objects)."""
         return tuple(self._control.external_encoders)
+
+    @property
+    def cam_names(self) -> tuple[str, ...]:
+        """Names of the cams."""
+        return tuple(self._control.cams)
 
     @property
     def drive_names(self) -> tuple[str, ...]:

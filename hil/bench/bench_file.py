@@ -27,9 +27,13 @@ EMBEDDED: Final = (
     "stepper",
 )
 """Benches that ship with the product, usable by name."""
-_ANCHORED: Final = {"drive": ("eds", "storage", "map"), "device": ("eds", "storage")}
+_ANCHORED: Final = {
+    "drive": ("eds", "storage", "map"),
+    "device": ("eds", "storage"),
+    "cam": ("points_file",),
+}
 """Keys of tables by name that may be files relative to the bench file."""
-_NAMED: Final = ("segment", "drive", "encoder", "device", "station", "axis", "external_encoder")
+_NAMED: Final = ("segment", "drive", "encoder", "device", "station", "axis", "external_encoder", "cam")
 """Tables by name."""
 
 

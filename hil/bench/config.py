@@ -11,6 +11,7 @@ from pydantic import Field
 from hil.bench._table import Table
 from hil.bench.axis_config import OBJECTS, AxisTable, ExternalEncoderTable, second_of
 from hil.bench.bench_config import BenchTable, ToleranceTable
+from hil.bench.cam_config import CamTable
 from hil.bench.device_config import DeviceTable
 from hil.bench.drive_config import (
     WITH_SWITCHES,
@@ -58,6 +59,8 @@ class BenchConfig(Table, frozen=True):
     """Axes by name: technology objects that move a drive."""
     external_encoder: dict[str, ExternalEncoderTable] = {}
     """External encoders by name: technology objects that read an encoder."""
+    cam: dict[str, CamTable] = {}
+    """Cams by name: technology objects with the function that a following axis follows."""
 
     @property
     def devices(self) -> dict[str, DriveTable | EncoderTable | DeviceTable]:

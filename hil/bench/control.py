@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 from fieldbus.clock import MS, S
 from fieldbus.errors import ErrorCollector
 from hil.bench.axis_config import AxisTable, ExternalEncoderTable, second_of
+from hil.bench.cam_config import CamTable
 from hil.bench.controller_buses import ControllerBuses
 from hil.bench.drive_ports import DrivePorts
 from hil.bench.startup import LINK_TIMEOUT_NS, commission, wait_for_encoders
@@ -17,6 +18,8 @@ from hil.bench.units import taken_over_in_unit
 from hil.errors import BlockedError
 from motion.drives.port import SWITCHES
 from motion.s7.axis import ExternalEncoder, PositioningAxis, SpeedAxis, SynchronousAxis
+from motion.s7.cam_handle import CamHandle
+from motion.s7.cams import Cam
 from motion.s7.handles import AxisHandle, EncoderHandle
 
 if TYPE_CHECKING:
@@ -76,6 +79,7 @@ class ControlSystem:
         self._encoder_ports: dict[str, EncoderPort] = {}
         self.axes: dict[str, AxisHandle] = {}
         self.external_encoders: dict[str, EncoderHandle] = {}
+        self.cams: dict[str, CamHandle] = {}
         self._buses = ControllerBuses(config, segments.masters, self.ports, self.links)
         if config.axis:
             self._connect_stations(segments, stations)
@@ -88,6 +92,9 @@ class ControlSystem:
         for name, external in config.external_encoder.items():
             with errors.located(f"external_encoder.{name}"):
                 self._add_external_encoder(name, external)
+        for name, cam in config.cam.items():
+            with errors.located(f"cam.{name}"):
+                self._add_cam(name, cam)
         errors.check()
         for link in self.links.values():
             runtime.after_cycle.append(link.exchange)
@@ -218,6 +225,20 @@ class ControlSystem:
         self._runtime.add_encoder(encoder)
         self.external_encoders[name] = EncoderHandle(self._runtime, encoder)
         self._record(name, encoder)
+
+    def _add_cam(self, name: str, section: CamTable) -> None:
+        points, segments = section.elements()
+        cam = Cam(
+            name,
+            kind=section.kind,
+            points=points,
+            segments=segments,
+            variables=section.start_values(),
+            cpu=self._config.bench.cpu,
+            history=self._history,
+        )
+        self._runtime.add_cam(cam)
+        self.cams[name] = CamHandle(self._runtime, cam)
 
     def _record(self, name: str, part: TechnologyAxis | ExternalEncoder) -> None:
         group = self._recorder.add_group(name, part.trace_columns, part.trace_row, enums=part.trace_enums)

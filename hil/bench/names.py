@@ -77,6 +77,7 @@ def component_names(config: BenchConfig) -> tuple[str, ...]:
     tables = (
         config.axis,
         config.external_encoder,
+        config.cam,
         config.drive,
         config.encoder,
         config.device,
