@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from typing import Any
 
 import pytest
 
@@ -25,8 +24,8 @@ def pytest_load_initial_conftests() -> Generator[None, None, None]:
 def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
     """Say it in place of the traceback of a test module."""
     report = yield
-    call: Any = getattr(report, "call", None)
-    if report.failed and call is not None and call.excinfo is not None:
+    call: object = getattr(report, "call", None)
+    if report.failed and isinstance(call, pytest.CallInfo) and call.excinfo is not None:
         report.longrepr = explain(call.excinfo.value) or report.longrepr
     return report
 
@@ -34,7 +33,9 @@ def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtestloop(session: pytest.Session) -> None:
     """Say it once, before the tests, where one of them has a bench or a report is wanted at the end."""
-    benches = any("hil_bench_file" in getattr(item, "fixturenames", ()) for item in session.items)
+    benches = any(
+        isinstance(item, pytest.Function) and "hil_bench_file" in item.fixturenames for item in session.items
+    )
     if (benches or session.config.getoption("--hil-report")) and (text := hidden()):
         raise pytest.UsageError(text)
 

@@ -8,10 +8,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pytest
+
 from hil._outputs import kept
 from hil._plugin_cases import CaseTest
 from hil._plugin_settings import REQUIREMENT, evidence_wanted, run_seed, shortest, workers_folder
-from hil._plugin_source import source_digest
+from hil._plugin_source import function_of, source_digest
 from hil._plugin_words import crash_text, example_of
 from hil._requirements import Requirement, complete
 from hil.campaign import environment_facts
@@ -27,8 +29,6 @@ from reports.model import CaseResult, RunResult, Step, Verdict
 from reports.store import RUN_FILE, finish_run, load_run, start_run, write_case
 
 if TYPE_CHECKING:
-    import pytest
-
     from hil._plugin_tests import Example, TestRecord, Use
     from hil.protocols import Bench
     from hil.record import Trace
@@ -146,8 +146,8 @@ class PluginReport:
         """Return what the test took its bench from, if its setup came that far."""
         if record.last is not None:
             return record.last.bench_file
-        values: dict[str, object] = getattr(record.item, "funcargs", {})
-        found = values.get("hil_bench_file")
+        item = record.item
+        found = item.funcargs.get("hil_bench_file") if isinstance(item, pytest.Function) else None
         return found if isinstance(found, BenchFile) else None
 
     def _write(
@@ -181,7 +181,8 @@ class PluginReport:
 
 def _title(item: pytest.Item) -> str:
     """Return the first line of the docstring; without one the report shows the identifier."""
-    text = str(getattr(getattr(item, "obj", None), "__doc__", None) or "").strip()
+    function = function_of(item)
+    text = "" if function is None else (function.__doc__ or "").strip()
     return text.splitlines()[0] if text else item.nodeid
 
 

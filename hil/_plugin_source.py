@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import ast
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any, Final
+from types import FunctionType, MethodType
+from typing import TYPE_CHECKING, Final
 
 import pytest
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 _Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.Assign | ast.AnnAssign
 _DOCUMENTED: Final = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
@@ -21,10 +25,10 @@ def source_digest(item: pytest.Item) -> str:
     That is its function (of a class, the whole class), the fixtures of the project that it uses, and the
     functions, classes and constants of the same modules that these name.
     """
-    function: Any = getattr(item, "obj", None)
-    name = str(getattr(item, "originalname", "") or getattr(function, "__name__", ""))
-    group = getattr(item, "cls", None)
-    top = name if group is None else str(group.__qualname__).partition(".")[0]
+    if not isinstance(item, pytest.Function):
+        return ""
+    group = item.cls
+    top = item.originalname if group is None else str(group.__qualname__).partition(".")[0]
     found = {item.path: {top}}
     for path, fixture in _fixtures(item):
         found.setdefault(path, set()).add(fixture)
@@ -37,15 +41,21 @@ def source_digest(item: pytest.Item) -> str:
     return digest.hexdigest() if known else ""
 
 
-def _fixtures(item: pytest.Item) -> Iterator[tuple[Path, str]]:
+def function_of(item: pytest.Item) -> Callable[..., object] | None:
+    """Return the function of a test, not bound to an object; None: it is no function."""
+    if not isinstance(item, pytest.Function):
+        return None
+    function: Callable[..., object] = item.obj
+    return function.__func__ if isinstance(function, MethodType) else function
+
+
+def _fixtures(item: pytest.Function) -> Iterator[tuple[Path, str]]:
     """Return file and name of every fixture of the project that a test uses."""
-    info: Any = getattr(item, "_fixtureinfo", None)
-    definitions: Mapping[str, Any] = getattr(info, "name2fixturedefs", {})
-    for candidates in definitions.values():
+    for candidates in item._fixtureinfo.name2fixturedefs.values():  # noqa: SLF001 - the only place that knows
         for one in candidates:
-            code = getattr(one.func, "__code__", None)
-            if code is None:
+            if not isinstance(one.func, FunctionType):
                 continue
+            code = one.func.__code__
             path = Path(code.co_filename)
             if path.is_relative_to(item.config.rootpath) and "site-packages" not in path.parts:
                 yield path, code.co_name

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import pytest
 
 from hil._plugin_settings import BENCH
+from hil._plugin_source import function_of
 
 if TYPE_CHECKING:
     from hil.faults import Injector
@@ -101,7 +102,7 @@ class TestRecord:
 
     @property
     def _asks(self) -> bool:
-        names: tuple[str, ...] = getattr(self.item, "fixturenames", ())
+        names = self.item.fixturenames if isinstance(self.item, pytest.Function) else ()
         return not FIXTURES.isdisjoint(names) or self.item.get_closest_marker(BENCH) is not None
 
     def add(self, bench: Bench, bench_file: BenchFile[Bench], *, keep: bool) -> None:
@@ -132,7 +133,7 @@ class TestRecord:
     def _given(self) -> tuple[Bench, BenchFile[Bench]] | None:
         from hil._built import file_of
 
-        values: Mapping[str, object] = getattr(self.item, "funcargs", {})
+        values: Mapping[str, object] = self.item.funcargs if isinstance(self.item, pytest.Function) else {}
         return next((found for one in values.values() if (found := file_of(one)) is not None), None)
 
     def close_later(self, bench: Bench) -> None:
@@ -149,8 +150,9 @@ class TestRecord:
     @contextmanager
     def running(self) -> Iterator[None]:
         """Be the test that runs: every example of Hypothesis closes its benches, and is noted if it fails."""
-        handle: Any = getattr(getattr(self.item, "obj", None), "hypothesis", None)
-        inner: Callable[..., object] | None = getattr(handle, "inner_test", None)
+        # Hypothesis hangs it on the function: only the name tells.
+        handle: Any = getattr(function_of(self.item), "hypothesis", None)
+        inner: Callable[..., object] | None = None if handle is None else handle.inner_test
         self.calls = True
         if inner is not None:
             handle.inner_test = self._watched(inner)
@@ -208,5 +210,6 @@ def _begin_with(item: pytest.Item, example: str) -> None:
             f"the example is one of Hypothesis {version}, and {hypothesis.__version__} is installed: what it "
             "means may differ"
         )
-    function: Any = getattr(item, "obj", None)
-    hypothesis.reproduce_failure(version, blob.encode("ascii"))(getattr(function, "__func__", function))
+    function = function_of(item)
+    assert function is not None  # an example is one of a test function
+    hypothesis.reproduce_failure(version, blob.encode("ascii"))(function)

@@ -139,8 +139,12 @@ def crash_text(error: BaseException) -> str:
         text = str(one)
         if not isinstance(one, AssertionError) and not isinstance(one, HilError):
             text = f"{type(one).__name__}: {text}" if text else type(one).__name__
-        parts.append("\n".join([text or type(one).__name__, *getattr(one, "__notes__", ())]))
+        parts.append("\n".join([text or type(one).__name__, *_notes(one)]))
     return "\n\n".join(parts)
+
+
+def _notes(error: BaseException) -> list[str]:
+    return error.__notes__ if hasattr(error, "__notes__") else []
 
 
 def example_of(error: BaseException) -> str:
@@ -148,7 +152,7 @@ def example_of(error: BaseException) -> str:
     it is not reported.
     """
     for one in _leaves(error):
-        for note in getattr(one, "__notes__", ()):
+        for note in _notes(one):
             if found := _REPRODUCE.search(note):
                 return f"{found[1]} {found[2][2:-1]}"
     return ""

@@ -10,7 +10,8 @@ from __future__ import annotations
 import gc
 import statistics
 import time
-from typing import Any, Final
+from collections.abc import Callable
+from typing import Final, TypeVar
 
 from typing_extensions import override
 
@@ -20,8 +21,10 @@ from hil.errors import CannotRunError
 from motion.drives.port import STW1_OPERATE, DrivePort
 from motion.s7.axis import PositioningAxis
 from motion.s7.instructions import MC_Home, MC_MoveAbsolute, MC_MoveVelocity, MC_Power
+from motion.s7.instructions.base import Instruction
 from motion.s7.runtime import Runtime
 
+_Job = TypeVar("_Job", bound=Instruction)
 CYCLE_NS: Final = 1_000_000
 STATES: Final = ("standstill", "velocity", "positioning")
 AXES: Final = 4
@@ -97,11 +100,11 @@ class RunningAxes:
         if (state != "standstill") is not any(axis.actual_velocity for axis in self.axes):
             raise CannotRunError(f"the axes of the benchmark are not in the state {state}")
 
-    def _call(self, instance: Any) -> Any:
+    def _call(self, instance: _Job) -> _Job:
         self.runtime.call(instance)
         return instance
 
-    def _each(self, instruction: Any, **inputs: Any) -> list[Any]:
+    def _each(self, instruction: Callable[..., _Job], **inputs: float) -> list[_Job]:
         return [self._call(instruction(axis, **inputs)) for axis in self.axes]
 
     def run(self, cycles: int) -> None:

@@ -10,11 +10,15 @@ import statistics
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from fieldbus.can import CanFrame, CanMedium
 from fieldbus.clock import S, VirtualScheduler
 from hil.errors import CannotRunError
+
+if TYPE_CHECKING:
+    from hil.bench.config import BenchConfig
+    from motion.s7.instructions import MC_MoveAbsolute
 
 FRAMES: Final = 2000
 UPLOADS: Final = 200
@@ -29,11 +33,11 @@ class Figure(NamedTuple):
     unit: str
 
 
-def with_axes(config: Any, count: int, *, cycle_ms: int | None = None) -> Any:
+def with_axes(config: BenchConfig, count: int, *, cycle_ms: int | None = None) -> BenchConfig:
     """Return a bench configuration with `count` copies of its only drive and axis,
     and another bus cycle if given.
     """
-    drive, axis = next(iter(config.drive.values())), next(iter(config.axis.values()))
+    drive, axis = next(iter(config.can_drives.values())), next(iter(config.axis.values()))
     drives = {
         f"drive{i}": drive.model_copy(update={"node_id": drive.node_id + i - 1}) for i in range(1, count + 1)
     }
@@ -42,7 +46,7 @@ def with_axes(config: Any, count: int, *, cycle_ms: int | None = None) -> Any:
     return config.model_copy(update={"bench": bench, "drive": drives, "axis": axes})
 
 
-def with_dsc(config: Any) -> Any:
+def with_dsc(config: BenchConfig) -> BenchConfig:
     """Return a bench configuration with a bus cycle of 1 ms whose axes leave the position to their drives."""
     axes = {
         name: axis.model_copy(update={"variables": {**axis.variables, "PositionControl.EnableDSC": True}})
@@ -55,7 +59,7 @@ def with_dsc(config: Any) -> Any:
 class MovingBench:
     """A bench whose axes travel to and fro, everything recorded; `advance` is what is timed."""
 
-    def __init__(self, config: Any) -> None:
+    def __init__(self, config: BenchConfig) -> None:
         from hil.bench.bench import Bench
 
         self.bench = Bench(config, seed=0)
@@ -66,7 +70,7 @@ class MovingBench:
         homes = [axis.home(0.0) for axis in self._axes]
         self.bench.run_until(lambda: all(home.Done for home in homes), 1.0)
         self._target = 100.0
-        self._jobs: list[Any] = []
+        self._jobs: list[MC_MoveAbsolute] = []
         self._start()
 
     def _start(self) -> None:
@@ -86,7 +90,7 @@ class MovingBench:
                 raise CannotRunError("an axis of the benchmark stopped with an alarm")
 
 
-def speed(config: Any, seconds: float, rounds: int = 5) -> tuple[float, float]:
+def speed(config: BenchConfig, seconds: float, rounds: int = 5) -> tuple[float, float]:
     """Return simulated seconds per wall second, the median of `rounds`, and the load of the bus
     meanwhile, %.
     """

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 from prompt_toolkit import PromptSession
 from prompt_toolkit.application import get_app
@@ -22,6 +22,9 @@ from prompt_toolkit.shortcuts import CompleteStyle
 
 from fieldbus.clock import RealtimeScheduler
 from hil._interrupt import note
+
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
 
 _TICK_S: Final = 0.05
 """How often a bench in virtual time may run on."""
@@ -52,7 +55,7 @@ class Screen(Protocol):
         """Return whether something has happened since the last call."""
 
 
-def typed(machine: Any, session: Screen, *, tell: Callable[[str], object]) -> Iterator[str]:
+def typed(machine: Bench, session: Screen, *, tell: Callable[[str], object]) -> Iterator[str]:
     """Yield lines as they are typed; meanwhile time passes as on the clock, and events are printed.
 
     Args:

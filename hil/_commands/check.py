@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Final, TypedDict, TypeGuard
 
 from fieldbus.errors import UnknownNameError
 from hil._commands.terminal import console, print_json, quiet_stdout
+from hil.bench import BenchFile
+from hil.bench.drive_config import Cia402DriveTable
 from hil.campaign import load_bench_file
+from hil.protocols import kind_of
+from motion.drives.profidrive_modbus import ProfidriveModbusPort
 
 if TYPE_CHECKING:
+    from hil.bench.bench import Bench
     from hil.bench.config import BenchConfig
     from hil.bench.rules import Finding
 
@@ -33,23 +38,24 @@ def check_bench(reference: str, *, build: bool, as_json: bool, ignored: Sequence
     """
     with quiet_stdout(as_json):
         bench_file = load_bench_file(reference)
-        kind = str(getattr(bench_file, "kind", "virtual"))
-        config: BenchConfig | None = getattr(bench_file, "config", None)
-        facts: dict[str, Any] = {
+        kind = kind_of(bench_file)
+        own = bench_file if isinstance(bench_file, BenchFile) else None
+        config = None if own is None else own.config
+        facts: dict[str, object] = {
             "bench": bench_file.name,
             "kind": kind,
             "digest": bench_file.digest,
             "built": False,
         }
-        found = _findings(config, str(getattr(bench_file, "source", reference)), ignored)
+        found = _findings(config, reference if own is None else own.source, ignored)
         personalities = {
             name: drive.personality
-            for name, drive in getattr(config, "drive", {}).items()
-            if getattr(drive, "personality", "standard") != "standard"
+            for name, drive in ({} if config is None else config.drive).items()
+            if isinstance(drive, Cia402DriveTable) and drive.personality != "standard"
         }
         if personalities:
             facts["personalities"] = [f"{name}: {one}" for name, one in personalities.items()]
-        pending: list[dict[str, Any]] = []
+        pending: list[_Pending] = []
         if build and kind == "virtual":
             started = time.perf_counter()
             with bench_file.build(seed=0) as bench:
@@ -81,21 +87,28 @@ def _findings(config: BenchConfig | None, source: str, ignored: Sequence[str]) -
     return [one for one in findings(config) if one.rule.name not in ignored]
 
 
-def _parts(bench: Any, *, as_json: bool) -> dict[str, Any]:
+def _parts(bench: Bench, *, as_json: bool) -> dict[str, object]:
     """Return what is on a bench that has come up."""
-    facts: dict[str, Any] = {"built": True}
+    facts: dict[str, object] = {"built": True}
     facts["ready_after_s"] = bench.scheduler.now / 1e9  # all that the protocol of a bench has
-    for part in ("axis_names", "drive_names", "encoder_names", "device_names", "segment_names"):
-        facts[part.removesuffix("_names")] = list(getattr(bench, part, ()))
-    networks = [bench.network(name) for name in getattr(bench, "network_names", ())]
+    if not _is_whole(bench):
+        return facts | {"signals": len(bench.trace().names())}
+    facts |= {
+        "axis": list(bench.axis_names),
+        "drive": list(bench.drive_names),
+        "encoder": list(bench.encoder_names),
+        "device": list(bench.device_names),
+        "segment": list(bench.segment_names),
+    }
+    networks = [bench.network(name) for name in bench.network_names]
     nodes = [node for network in networks for node in network.nodes.values()]
     facts["nodes"] = (
         [node.describe() for node in nodes]
         if as_json
         else [f"{node.name} (node {node.node_id}) {node.boot_state.value}" for node in nodes]
     )
-    ports = [bench.axis(name).port for name in getattr(bench, "axis_names", ())]
-    on_modbus = [port for port in ports if hasattr(port, "unit")]
+    ports = [bench.axis(name).port for name in bench.axis_names]
+    on_modbus = [port for port in ports if isinstance(port, ProfidriveModbusPort)]
     if on_modbus:
         facts["modbus"] = (
             [port.describe() for port in on_modbus]
@@ -106,19 +119,38 @@ def _parts(bench: Any, *, as_json: bool) -> dict[str, Any]:
     return facts
 
 
+class _Pending(TypedDict):
+    """An alarm that is pending after the start."""
+
+    axis: str
+    alarm: int
+    reaction: int
+    text: str
+    rules: list[str]
+    keys: list[str]
+
+
+def _is_whole(bench: object) -> TypeGuard[Bench]:
+    from hil.bench.bench import Bench
+
+    return isinstance(bench, Bench)
+
+
 def _pending(
-    bench: Any, config: BenchConfig | None, found: Sequence[Finding], ignored: Sequence[str]
-) -> list[dict[str, Any]]:
+    bench: Bench, config: BenchConfig | None, found: Sequence[Finding], ignored: Sequence[str]
+) -> list[_Pending]:
     """Return the alarms that are pending on axes and external encoders, but those of ignored rules."""
     from hil.bench.rules import KEYS_OF_ALARMS, RULES
 
-    names = [(name, bench.axis(name)) for name in getattr(bench, "axis_names", ())]
-    names += [(name, bench.external_encoder(name)) for name in getattr(bench, "external_encoder_names", ())]
+    if not _is_whole(bench):
+        return []
+    objects = [(name, bench.axis(name).object.engine) for name in bench.axis_names]
+    objects += [(name, bench.external_encoder(name).object.engine) for name in bench.external_encoder_names]
     unimportant = {rule.alarm for rule in RULES if rule.name in ignored}
-    pending = []
-    for name, handle in names:
+    pending: list[_Pending] = []
+    for name, engine in objects:
         drive = config.axis[name].drive if config is not None and name in config.axis else ""
-        for alarm in handle.object.engine.pending:
+        for alarm in engine.pending:
             if alarm.number in unimportant:
                 continue
             rules = [one.rule.name for one in found if one.axis == name and one.rule.alarm == alarm.number]
@@ -137,7 +169,7 @@ def _pending(
     return pending
 
 
-def _tell(facts: dict[str, Any], found: Sequence[Finding], pending: Sequence[dict[str, Any]]) -> None:
+def _tell(facts: Mapping[str, object], found: Sequence[Finding], pending: Sequence[_Pending]) -> None:
     out = console()
 
     def say(text: str, style: str | None = None) -> None:

@@ -8,15 +8,20 @@ import sys
 from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from hil._built import listen
 from hil._commands._test_run import arguments_of_test
 from hil._commands.terminal import console, print_json, quiet_stdout
 from hil.campaign import CaseContext, Token, load_bench_file, load_campaign
 from hil.errors import BlockedError, TokenError
-from hil.protocols import BenchFile
 from motion.s7.controller import ControllerDiagnosis
+
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
+    from hil.protocols import Bench as ProtocolBench
+    from hil.protocols import BenchFile
+    from motion.s7.diagnostics import Diagnosis
 
 
 def show_diagnosis(
@@ -49,22 +54,22 @@ def show_diagnosis(
         )
         return 0
     console().print(note, markup=False)
-    for one in (*found.objects, found.controller):
-        print(one.text())  # noqa: T201 - this is the answer
+    for text in (*(one.text() for one in found.objects), found.controller.text()):
+        print(text)  # noqa: T201 - this is the answer
         print()  # noqa: T201
     return 0
 
 
 class _Snapshot(NamedTuple):
-    objects: list[Any]
+    objects: list[Diagnosis]
     controller: ControllerDiagnosis
 
 
-def _snapshot(bench: Any, axis: str) -> _Snapshot:
+def _snapshot(bench: Bench, axis: str) -> _Snapshot:
     return _Snapshot(_of_objects(bench, axis), bench.controller.diagnosis())
 
 
-def _of_objects(bench: Any, axis: str) -> list[Any]:
+def _of_objects(bench: Bench, axis: str) -> list[Diagnosis]:
     encoders = list(bench.external_encoder_names)
     if axis in encoders:
         return [bench.external_encoder(axis).diagnosis()]
@@ -121,7 +126,10 @@ def _of_test(token: Token, reference: str, at_s: float | None, axis: str) -> tup
     taken: list[tuple[_Snapshot, float, str]] = []
     ready_s: list[float] = []
 
-    def on_bench(bench: Any, bench_file: BenchFile[Any]) -> None:
+    def on_bench(bench: ProtocolBench, bench_file: BenchFile[ProtocolBench]) -> None:
+        from hil.bench.bench import Bench
+
+        assert isinstance(bench, Bench)  # only bench files of the product announce what they build
         taken.clear()
         ready_s[:] = [bench.now_s]
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 from fieldbus.errors import ConfigurationError
 from hil._commands.terminal import console
 from hil._interrupt import note
+from hil.bench import BenchFile
 from hil.bench.drive_config import ProfidriveModbusTable
 from hil.bench.segment_config import RESERVED_OPTIONS, CanTable, RtuTable, TcpTable
 from hil.campaign import load_bench_file
@@ -275,20 +276,19 @@ def _make_link(link: str, target: str, stack: ExitStack) -> None:
     stack.callback(path.unlink, missing_ok=True)
 
 
-def config_of(reference: str) -> Any:
+def config_of(reference: str) -> BenchConfig:
     """Return the description of the bench.
 
     Raises:
         CannotRunError: It has none that could be read: it is somebody's Python object.
 
     """
-    bench_file: Any = load_bench_file(reference)
-    config = getattr(bench_file, "config", None)
-    if config is None:
+    bench_file = load_bench_file(reference)
+    if not isinstance(bench_file, BenchFile):
         raise CannotRunError(
             f"the bench {bench_file.name!r} is no bench file: its drives cannot be emulated alone"
         )
-    return config
+    return bench_file.config
 
 
 def _check_nodes(drives: Mapping[str, CanDriveTable | EncoderTable | DeviceTable], where: str) -> None:

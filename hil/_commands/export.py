@@ -5,7 +5,7 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from hil._commands.terminal import console, print_json
 from hil.errors import CannotRunError, RecordingError
@@ -64,7 +64,7 @@ def export_trace(
     return 0
 
 
-def _write_bus(trace: Trace, output: Path, bus: str, signals: Sequence[str]) -> dict[str, Any]:
+def _write_bus(trace: Trace, output: Path, bus: str, signals: Sequence[str]) -> dict[str, object]:
     from fieldbus.can.export import write_log
 
     if signals:

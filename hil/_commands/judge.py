@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from hil._commands.run import exit_code, finish, tell
 from hil._commands.terminal import console, print_json, quiet_stdout
@@ -22,6 +22,7 @@ from reports.text import check_sentence, margin
 
 if TYPE_CHECKING:
     from hil.logs import LogTrace
+    from hil.record import BusFrame
 
 _FORM: Final = (
     "a list EXPECTATIONS of expectations of hil.expect, a dictionary of such lists by case, or a function "
@@ -45,7 +46,7 @@ class JudgeRequest:
 @dataclass
 class _Recording:
     trace: Trace
-    decode: Callable[[Any], str] = repr
+    decode: Callable[[BusFrame], str] = repr
     notes: list[str] = field(default_factory=list)
     bench_name: str = ""
     bench_text: str = ""
@@ -172,7 +173,7 @@ def read_expectations(path: Path, trace: Trace) -> tuple[dict[str, list[Expectat
         what = "is no Python file" if path.exists() else "does not exist"
         raise CannotRunError(f"--expect {path}: the file {what}; it holds {_FORM}")
     module = import_file(path)
-    found: Any = getattr(module, "EXPECTATIONS", None)
+    found: object = getattr(module, "EXPECTATIONS", None)
     function = getattr(module, "expectations", None)
     if found is None and callable(function):
         found = function(trace)

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final, TextIO
+from typing import TYPE_CHECKING, Final, TextIO
 
 from fieldbus.clock import RealtimeScheduler
 from fieldbus.errors import ConfigurationError, HilError
@@ -19,6 +19,9 @@ from motion.s7.axis.jobs import ERROR_ALARM
 from motion.s7.commissioning import Optimisation, TestStep, precautions
 from motion.s7.instructions import MC_MoveJog
 from reports.html.tuning import write_tuning
+
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
 
 _TICK_S: Final = 0.05
 """How often a panel on a terminal lets time pass."""
@@ -49,7 +52,7 @@ class PanelSession:
     """
 
     def __init__(
-        self, bench: Any, axis: str, *, monitoring_s: float, plot: Path, write: Callable[[str], object]
+        self, bench: Bench, axis: str, *, monitoring_s: float, plot: Path, write: Callable[[str], object]
     ) -> None:
         self._bench = bench
         self._axis = bench.axis(axis or None)
@@ -304,7 +307,7 @@ def _tell(text: str) -> None:
         print(text, flush=True)  # noqa: T201 - this is the answer
 
 
-def _lines(source: TextIO, machine: Any, session: PanelSession) -> Iterator[str]:
+def _lines(source: TextIO, machine: Bench, session: PanelSession) -> Iterator[str]:
     """Return the lines that a person types: with prompt and live values where the screen can show them."""
     _tell(f"{session.line()}\n(help lists the commands)")
     session.changed()
@@ -315,7 +318,7 @@ def _lines(source: TextIO, machine: Any, session: PanelSession) -> Iterator[str]
     return _typed(source, machine, session)
 
 
-def _typed(source: TextIO, machine: Any, session: PanelSession) -> Iterator[str]:
+def _typed(source: TextIO, machine: Bench, session: PanelSession) -> Iterator[str]:
     """Yield lines as they are typed; meanwhile time passes, and events are printed."""
     virtual = not isinstance(machine.scheduler, RealtimeScheduler)
     selector = selectors.DefaultSelector()

@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields
-from typing import Any
+from dataclasses import asdict
+from typing import TypedDict
 
 from emulators.drive.cia402.personality import Personality, load_personality, personality_names
 from emulators.drive.cia402.quirks import Quirks
 from hil._commands.terminal import print_json
+from reports.json_types import JsonObject
 
 
-def _described(personality: Personality) -> dict[str, Any]:
-    standard = asdict(Quirks())
+class _Described(TypedDict):
+    """A personality as JSON values."""
+
+    name: str
+    summary: str
+    quirks: JsonObject
+    drive: JsonObject
+    objects: JsonObject
+    emcy: JsonObject
+    sources: JsonObject
+
+
+def _described(personality: Personality) -> _Described:
+    standard, own = asdict(Quirks()), asdict(personality.quirks)
     return {
         "name": personality.name,
         "summary": personality.summary,
-        "quirks": {
-            one.name: getattr(personality.quirks, one.name)
-            for one in fields(Quirks)
-            if getattr(personality.quirks, one.name) != standard[one.name]
-        },
+        "quirks": {name: value for name, value in own.items() if value != standard[name]},
         "drive": dict(personality.drive),
         "objects": {f"{index:04X}:{sub}": value for (index, sub), value in personality.objects.items()},
         "emcy": {
@@ -38,12 +47,11 @@ def show_personalities(files: list[str], *, as_json: bool) -> int:
         return 0
     for one in described:
         print(f"{one['name']}: {one['summary']}")  # noqa: T201 - the answer
-        for kind in ("quirks", "drive"):
-            for name, value in one[kind].items():
-                print(f"    {name} = {value!r}")  # noqa: T201 - the answer
-        for kind, what in (("objects", "defaults of objects"), ("emcy", "EMCY codes")):
-            if one[kind]:
-                print(f"    {what}: {', '.join(one[kind])}")  # noqa: T201 - the answer
+        for name, value in (*one["quirks"].items(), *one["drive"].items()):
+            print(f"    {name} = {value!r}")  # noqa: T201 - the answer
+        for what, there in (("defaults of objects", one["objects"]), ("EMCY codes", one["emcy"])):
+            if there:
+                print(f"    {what}: {', '.join(there)}")  # noqa: T201 - the answer
         for name, text in one["sources"].items():
             print(f"      {name}: {text}")  # noqa: T201 - the answer
     return 0

@@ -8,13 +8,13 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Self, TextIO
+from typing import TYPE_CHECKING, Final, Self, TextIO
 
 from reports.model import CaseResult, Verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import Progress, TaskID
 
 _STYLE = {Verdict.PASSED: "green", Verdict.FAILED: "red", Verdict.BLOCKED: "yellow", Verdict.ERROR: "magenta"}
 
@@ -26,7 +26,7 @@ def console() -> Console:
     return Console(stderr=True, highlight=False, soft_wrap=True)
 
 
-def print_json(value: Any) -> None:
+def print_json(value: object) -> None:
     """Write `value` as the only thing on standard output."""
     sys.stdout.write(json.dumps(value, indent=2, allow_nan=False) + "\n")
     sys.stdout.flush()
@@ -92,8 +92,7 @@ class CaseProgress:
         self._groups = dict(groups or {})
         self._verbose = verbose
         self._console = console()
-        self._bar: Progress | None = None
-        self._task: Any = None
+        self._bar: tuple[Progress, TaskID] | None = None
         self._counts = dict.fromkeys(Verdict, 0)
         self._open: dict[str, list[CaseResult]] = {}
         """Cases of the groups that have not got their line yet."""
@@ -105,7 +104,7 @@ class CaseProgress:
         if self._console.is_terminal:
             from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-            self._bar = Progress(
+            bar = Progress(
                 TextColumn("{task.description}"),
                 BarColumn(),
                 MofNCompleteColumn(),
@@ -114,15 +113,15 @@ class CaseProgress:
                 console=self._console,
                 transient=True,
             )
-            self._bar.start()
-            self._task = self._bar.add_task(self._title, total=self._total, last="")
+            bar.start()
+            self._bar = bar, bar.add_task(self._title, total=self._total, last="")
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._bar is not None:
-            self._bar.stop()
+            self._bar[0].stop()
         for group in list(self._open):
             self._tell_group(group)
 
@@ -141,7 +140,8 @@ class CaseProgress:
             self._say(f"    {result.message}", "dim")
         if self._bar is not None:
             counts = ", ".join(f"{count} {verdict.value}" for verdict, count in self._counts.items() if count)
-            self._bar.update(self._task, completed=done, last=f"{left}  {counts}")
+            bar, task = self._bar
+            bar.update(task, completed=done, last=f"{left}  {counts}")
         elif not self._verbose:
             self._open.setdefault(result.group, []).append(result)
             if len(self._open[result.group]) == self._groups.get(result.group):
@@ -152,7 +152,8 @@ class CaseProgress:
     def step(self, done: int, text: str = "") -> None:
         """Show progress of work that has no cases."""
         if self._bar is not None:
-            self._bar.update(self._task, completed=done, last=text)
+            bar, task = self._bar
+            bar.update(task, completed=done, last=text)
 
     def _tell_group(self, group: str) -> None:
         cases = self._open.pop(group)

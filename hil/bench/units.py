@@ -50,14 +50,16 @@ class UnitScale(NamedTuple):
         return cls(1.0 / size, 1.0 / size / velocity_factor(velocity, length))
 
     @classmethod
-    def of_axis(cls, axis: Any) -> UnitScale:
+    def of_axis(cls, axis: object) -> UnitScale:
         """Return the scale for an axis; 1 for one that has no unit of length,
         and for one that does not tell.
         """
-        variables = getattr(axis, "variables", None)
-        if variables is None or getattr(variables, "object_type", "SpeedAxis") == "SpeedAxis":
+        from motion.s7.handles import AxisHandle
+
+        if not isinstance(axis, AxisHandle) or axis.variables.object_type == "SpeedAxis":
             return cls()
-        return cls.of_codes(variables.read("Units.LengthUnit"), variables.read("Units.VelocityUnit"))
+        length, velocity = axis.var("Units.LengthUnit"), axis.var("Units.VelocityUnit")
+        return cls.of_codes(int(length), int(velocity))
 
 
 MILLIMETRES: Final = UnitScale()

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import isfinite
-from typing import TYPE_CHECKING, NamedTuple, SupportsFloat
+from types import BuiltinFunctionType, FunctionType, MethodType
+from typing import NamedTuple, SupportsFloat
 
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import ConfigurationError
 from motion.s7.handles import summary
 from motion.s7.instructions import Instruction
 from motion.s7.instructions.base import ExecuteInstruction
-
-if TYPE_CHECKING:
-    from types import CodeType
 
 Condition = Callable[[], object]
 """What is waited for: a function of no arguments, true when it has come."""
@@ -64,7 +62,7 @@ class UnmetWait(NamedTuple):
             axes: How the axes stand; for a condition that is no output of a job.
 
         """
-        job = getattr(self.condition, "__self__", None)  # of a bound method
+        job = self.condition.__self__ if isinstance(self.condition, MethodType) else None
         if isinstance(job, Instruction):
             output = self.condition_name
             if output in ("done", "in_velocity", "status") and _has_failed(job):
@@ -76,12 +74,15 @@ class UnmetWait(NamedTuple):
     @property
     def condition_name(self) -> str:
         """The condition in words: the name of a function, or the place of a lambda."""
-        function = getattr(self.condition, "__func__", self.condition)
-        name: str = getattr(function, "__name__", type(self.condition).__name__)
-        code: CodeType | None = getattr(function, "__code__", None)
-        if name == "<lambda>" and code is not None:
-            return f"the condition at {code.co_filename.rpartition('/')[2]}:{code.co_firstlineno}"
-        return name
+        condition: object = self.condition
+        function = condition.__func__ if isinstance(condition, MethodType) else condition
+        if isinstance(function, FunctionType):
+            code = function.__code__
+            if function.__name__ == "<lambda>":
+                return f"the condition at {code.co_filename.rpartition('/')[2]}:{code.co_firstlineno}"
+        elif not isinstance(function, BuiltinFunctionType | type):
+            return type(function).__name__
+        return function.__name__
 
 
 def _has_failed(job: Instruction) -> bool:

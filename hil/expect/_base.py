@@ -9,7 +9,7 @@ from copy import copy
 from dataclasses import dataclass, fields, replace
 from numbers import Real
 from operator import index
-from typing import Self, SupportsIndex, cast
+from typing import Self, SupportsIndex, TypeGuard, cast
 
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import Event
@@ -123,7 +123,7 @@ def words_of(reference: Reference) -> str:
     return f"{reference:g} s" if _is_number(reference) else repr(reference)
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
@@ -200,14 +200,20 @@ class Expectation(ABC):
         """Return to when everything has to be recorded for it to pass: by default `until`, the instant
         itself, or the end.
         """
-        until: Reference | None = getattr(self, "until", None)
-        at: Reference | None = getattr(self, "at", None)
+        at, until = self._reference("at"), self._reference("until")
         return next((one for one in (at, until) if one is not None), trace.end_s)
+
+    def _fields(self) -> dict[str, object]:
+        return {item.name: getattr(self, item.name) for item in fields(self)}
+
+    def _reference(self, name: str) -> Reference | None:
+        """Return an instant that it names; None: it has no such field, or leaves it open."""
+        value = self._fields().get(name)
+        return value if isinstance(value, EventSelector) or _is_number(value) else None
 
     def events_named(self) -> Iterator[EventSelector]:
         """Return the events that this expectation names."""
-        for item in fields(self):
-            value = getattr(self, item.name)
+        for value in self._fields().values():
             for one in value if isinstance(value, tuple) else (value,):
                 if isinstance(one, EventSelector):
                     yield one
@@ -262,11 +268,11 @@ class Expectation(ABC):
             RecordingError: It is something else, such as a text.
 
         """
-        for item in fields(self):
-            value = getattr(self, item.name) if item.name in _REFERENCES else None
-            if value is not None and not isinstance(value, EventSelector) and not _is_number(value):
+        for name, value in self._fields().items():
+            known = value is None or isinstance(value, EventSelector) or _is_number(value)
+            if name in _REFERENCES and not known:
                 allowed = "a time in seconds, such as 0.05, or an event(...)"
-                raise RecordingError(f"{item.name}: {value!r} is not allowed; allowed: {allowed}")
+                raise RecordingError(f"{name}: {value!r} is not allowed; allowed: {allowed}")
 
     def _evaluate(self, trace: Trace) -> list[Check]:
         """Return the outcome, with the axis known."""
@@ -328,11 +334,12 @@ class Expectation(ABC):
 
     def _begin(self, trace: Trace) -> float | None:
         """Return from when on it is judged."""
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if item.name in _BEGINS and value is not None:
-                return instant(trace, value)
-        return None
+        begin = self._named_begin()
+        return None if begin is None else instant(trace, begin)
+
+    def _named_begin(self) -> Reference | None:
+        named = (self._reference(item.name) for item in fields(self) if item.name in _BEGINS)
+        return next((one for one in named if one is not None), None)
 
     def _outside(self, trace: Trace) -> tuple[str, float] | None:
         """Return what of the observation lies outside of the recording, or makes it
@@ -351,7 +358,7 @@ class Expectation(ABC):
             return f"the recording ends at {trace.end_s:.6f} s, before {self._begin_words()}", trace.end_s
         if begin_s < -SLACK_S:
             return f"the observation begins at {begin_s:.6f} s, before the recording", 0.0
-        until: Reference | None = getattr(self, "until", None)
+        until = self._reference("until")
         if until is not None:
             until_s = instant(trace, until)
             if not until_s >= begin_s - SLACK_S:
@@ -362,11 +369,8 @@ class Expectation(ABC):
         return None
 
     def _begin_words(self) -> str:
-        return next(
-            words_of(getattr(self, item.name))
-            for item in fields(self)
-            if item.name in _BEGINS and getattr(self, item.name) is not None
-        )
+        begin = self._named_begin()
+        return "" if begin is None else words_of(begin)
 
     def _as_far_as_recorded(self, trace: Trace, check: Check) -> Check:
         """Return a check; a passed one only where everything that it speaks of was recorded."""

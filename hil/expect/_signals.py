@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ from hil.record import Signal, Trace
 from reports.model import Check
 from reports.text import limit_words, quantity
 
-Predicate = Callable[..., Any]
+Predicate = Callable[..., object]
 STW1_MASK = 0x04FF
 """Bits of control word 1 that the technology object owns; the others belong to `MC_SetAxisSTW`."""
 

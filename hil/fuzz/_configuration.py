@@ -5,18 +5,22 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import ConfigurationError
 from hil.bench.units import UnitScale, variables_in_units
 from hil.errors import CannotRunError
-from reports.json_types import JsonObject
+from reports.json_types import Json, JsonObject
+
+if TYPE_CHECKING:
+    from hil.bench import BenchFile as OwnBenchFile
+    from hil.bench.bench import Bench
+    from hil.protocols import BenchFile
 
 UNITS: Final = "units"
 """The part that says in which units the axis counts; its values are codes of
 `Units.LengthUnit` and `.VelocityUnit`.
 """
-_UNIT_KEYS: Final = frozenset({"length", "velocity"})
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,7 @@ class Configuration:
 
     """
 
-    parts: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    parts: Mapping[str, Mapping[str, Json]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, part in self.parts.items():
@@ -37,9 +41,7 @@ class Configuration:
                 raise ConfigurationError(f"configuration.{name}", part, "a table")
         units = self.parts.get(UNITS)
         if units is not None:
-            if set(units) != _UNIT_KEYS or not all(type(code) is int for code in units.values()):
-                raise ConfigurationError("configuration.units", dict(units), "codes of length and velocity")
-            UnitScale.of_codes(**units)
+            UnitScale.of_codes(*_codes(units))
 
     def __bool__(self) -> bool:
         return bool(self.parts)
@@ -53,13 +55,13 @@ class Configuration:
         return {name: dict(part) for name, part in self.parts.items()}
 
     @classmethod
-    def from_json(cls, content: Any) -> Configuration:
+    def from_json(cls, content: object) -> Configuration:
         """Build a configuration from JSON values; `ConfigurationError` names the part that is wrong."""
         if not isinstance(content, Mapping):
             raise ConfigurationError("configuration", content, "an object with parts by name")
         return cls(dict(content))
 
-    def applied_to(self, bench_file: Any) -> Any:
+    def applied_to(self, bench_file: BenchFile[Bench]) -> BenchFile[Bench]:
         """Return a bench file with this configuration laid over it; the same one when nothing changes.
 
         Raises:
@@ -69,15 +71,12 @@ class Configuration:
         """
         if not self.parts:
             return bench_file
-        if not hasattr(bench_file, "configured"):
-            raise CannotRunError(
-                f"the bench {bench_file.name!r} comes from no bench file: it has no configurations"
-            )
+        bench_file = bench_file_of(bench_file)
         for name, part in self.parts.items():
             if name != UNITS:
                 bench_file = bench_file.configured(part)
         units = self.parts.get(UNITS)
-        return bench_file if units is None else bench_file.configured(_in_units(bench_file, **units))
+        return bench_file if units is None else bench_file.configured(_in_units(bench_file, *_codes(units)))
 
     def lines(self) -> Iterator[str]:
         """Yield a line per value."""
@@ -86,7 +85,15 @@ class Configuration:
                 yield f"{name}: {path} = {json.dumps(value)}"
 
 
-def _leaves(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+def _codes(units: Mapping[str, object]) -> tuple[int, int]:
+    """Return the codes of length and velocity of the part `units`."""
+    length, velocity = units.get("length"), units.get("velocity")
+    if len(units) == 2 and type(length) is int and type(velocity) is int:
+        return length, velocity
+    raise ConfigurationError("configuration.units", dict(units), "codes of length and velocity")
+
+
+def _leaves(table: Mapping[str, object], path: str = "") -> Iterator[tuple[str, object]]:
     for key, value in table.items():
         here = f"{path}.{key}" if path else key
         if isinstance(value, Mapping) and value:
@@ -95,7 +102,23 @@ def _leaves(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any
             yield here, value
 
 
-def _in_units(bench_file: Any, length: int, velocity: int) -> JsonObject:
+def bench_file_of(bench_file: BenchFile[Bench]) -> OwnBenchFile:
+    """Return a bench that comes from a bench file.
+
+    Raises:
+        CannotRunError: It comes from none: it has no tables that could be changed.
+
+    """
+    from hil.bench import BenchFile as OwnBenchFile
+
+    if not isinstance(bench_file, OwnBenchFile):
+        raise CannotRunError(
+            f"the bench {bench_file.name!r} comes from no bench file: it has no configurations"
+        )
+    return bench_file
+
+
+def _in_units(bench_file: OwnBenchFile, length: int, velocity: int) -> JsonObject:
     """Return the variables of all axes with a position, as numbers in other units: the
     same machine, given otherwise.
     """

@@ -5,16 +5,22 @@ still be a machine that works.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy
 
 from hil.bench.axis_config import OBJECTS
+from hil.bench.drive_config import ProfidriveCanTable
 from hil.fuzz._configuration import UNITS, Configuration
 from motion.s7.variables import elements, variables_of
+from reports.json_types import Json
 
-Table = dict[str, Any]
+if TYPE_CHECKING:
+    from hil.bench.config import BenchConfig
+    from hil.bench.drive_config import DriveTable
+
+Table = dict[str, Json]
 Part = SearchStrategy[Table]
 
 _LENGTHS: Final = (
@@ -40,37 +46,37 @@ _MACHINES: Final = (
 class _Tables:
     """Makes tables of a bench file for its first axis and the drive of that."""
 
-    def __init__(self, config: Any) -> None:
+    def __init__(self, config: BenchConfig) -> None:
         self.axis, section = next(iter(config.axis.items()))
         self.drive = section.drive
         kind = OBJECTS[section.type]
         self._paths = {path for variable in variables_of(kind) for path in elements(variable)}
 
-    def on_bench(self, **values: Any) -> Table:
+    def on_bench(self, **values: Json) -> Table:
         return {"bench": values}
 
-    def on_drive(self, **values: Any) -> Table:
+    def on_drive(self, **values: Json) -> Table:
         return {"drive": {self.drive: values}}
 
-    def variables(self, values: Mapping[str, Any]) -> Table:
+    def variables(self, values: Mapping[str, Json]) -> Table:
         """Return the values that the type of the axis has: a speed axis has no lead and no encoder."""
         own = {path: value for path, value in values.items() if path in self._paths}
         return {"axis": {self.axis: {"variables": own}}}
 
-    def on_axis(self, **values: Any) -> Table:
+    def on_axis(self, **values: Json) -> Table:
         return {"axis": {self.axis: values}}
 
 
-def _one(build: Callable[..., Table], key: str, *values: Any) -> Part:
+def _one(build: Callable[..., Table], key: str, *values: Json) -> Part:
     """Return tables with one key."""
     return st.sampled_from(values).map(lambda value: build(**{key: value}))
 
 
-def _variable(tables: _Tables, path: str, *values: Any) -> Part:
+def _variable(tables: _Tables, path: str, *values: Json) -> Part:
     return st.sampled_from(values).map(lambda value: tables.variables({path: value}))
 
 
-def _controller(tables: _Tables, config: Any) -> dict[str, Part]:
+def _controller(tables: _Tables, config: BenchConfig) -> dict[str, Part]:
     cycle = config.bench.cycle_ms
     parts = {
         "program": _one(tables.on_bench, "program_cycles", 2, 3),
@@ -143,7 +149,7 @@ def _positions(tables: _Tables) -> dict[str, Part]:
     }
 
 
-def _machine(tables: _Tables, drive: Any) -> dict[str, Part]:
+def _machine(tables: _Tables, drive: DriveTable) -> dict[str, Part]:
     parts: dict[str, Part] = {}
     if drive.profile != "analog":
         parts["ramps"] = st.tuples(st.sampled_from([0.2, 3.0]), st.sampled_from([0.1, 2.0])).map(
@@ -161,7 +167,7 @@ def _machine(tables: _Tables, drive: Any) -> dict[str, Part]:
     return parts
 
 
-def _resolution(tables: _Tables, steps: Any, increments: tuple[int, ...]) -> Part:
+def _resolution(tables: _Tables, steps: str, increments: tuple[int, ...]) -> Part:
     return st.sampled_from(increments).map(
         lambda count: {
             **tables.on_drive(increments_per_revolution=count),
@@ -196,8 +202,8 @@ def _cia402(tables: _Tables) -> dict[str, Part]:
     }
 
 
-def _profidrive(tables: _Tables, drive: Any, *, on_can: bool) -> dict[str, Part]:
-    def own(**values: Any) -> Table:
+def _profidrive(tables: _Tables, drive: DriveTable, *, on_can: bool) -> dict[str, Part]:
+    def own(**values: Json) -> Table:
         return tables.on_drive(profidrive=values)
 
     parts = {
@@ -221,12 +227,12 @@ def _profidrive(tables: _Tables, drive: Any, *, on_can: bool) -> dict[str, Part]
         parts["supplement"] = st.one_of(
             _one(own, "torque_telegram", True), _one(own, "safety_telegram", 700, 701)
         )
-    if on_can and drive.telegram in {5, 105}:
+    if isinstance(drive, ProfidriveCanTable) and drive.telegram in {5, 105}:
         parts["position control"] = _variable(tables, "PositionControl.EnableDSC", True)
     return parts
 
 
-def configurations(config: Any) -> SearchStrategy[Configuration]:
+def configurations(config: BenchConfig) -> SearchStrategy[Configuration]:
     """Return a strategy of configurations for the first axis of a bench and its drive.
 
     Parts are drawn independently of each other; some do not go together, and then the bench file is refused

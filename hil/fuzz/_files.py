@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from fieldbus.errors import ConfigurationError
 from hil.errors import CannotRunError
@@ -17,7 +16,7 @@ def file_name(program: Program) -> str:
     return f"{program.name.rpartition('/')[2]}.json"
 
 
-def read_json(file: Path) -> Any:
+def read_json(file: Path) -> object:
     """Return the content of a file.
 
     Raises:
@@ -25,12 +24,13 @@ def read_json(file: Path) -> Any:
 
     """
     try:
-        return json.loads(file.read_text(encoding="utf-8"))
+        content: object = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise CannotRunError(f"{file} cannot be read as a program: {error}") from error
+    return content
 
 
-def program_in(file: Path, content: Any) -> Program:
+def program_in(file: Path, content: object) -> Program:
     """Return the program that was read from a file.
 
     Raises:

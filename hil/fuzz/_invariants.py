@@ -7,7 +7,7 @@ is asked in every application cycle.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 from fieldbus.history import Event
 
@@ -25,6 +25,14 @@ class Violation:
 
     def __str__(self) -> str:
         return f"{self.invariant} broken at {self.time_s:.6f} s: {self.text}"
+
+
+class NamedJob(Protocol):
+    """An instance of an instruction."""
+
+    @property
+    def name(self) -> str:
+        """Its name in messages."""
 
 
 class Invariant(Protocol):
@@ -49,7 +57,7 @@ class OneJobOutput(Invariant):
     requirements = ("MC-071",)
 
     def __init__(self) -> None:
-        self.jobs: list[Any] = []
+        self.jobs: list[NamedJob] = []
         """Handles of the instances of the program, of any instruction."""
 
     def cycle(self) -> str:

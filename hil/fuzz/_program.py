@@ -6,13 +6,16 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import ConfigurationError
 from hil.bench.units import MILLIMETRES, UnitScale
 from hil.faults import Fault, Parameter
 from hil.fuzz._configuration import Configuration
 from reports.json_types import JsonObject
+
+if TYPE_CHECKING:
+    from fieldbus.history import Scalar
 
 _HOW: Final = (
     Parameter(
@@ -82,7 +85,7 @@ _NEEDS: Final = {
 """Instruction -> what an axis handle has to have for it; all have the others."""
 
 
-def job_names(axis: Any) -> tuple[str, ...]:
+def job_names(axis: object) -> tuple[str, ...]:
     """Return the instructions that an axis can be given, in the order of `JOBS`.
 
     Args:
@@ -101,7 +104,7 @@ class Do:
     """Give an instruction."""
 
     job: str
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, Scalar] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         known = JOBS.get(self.job)
@@ -118,10 +121,12 @@ class Do:
             if parameter.required and parameter.name not in self.parameters:
                 raise ConfigurationError(f"step {self.job}.{parameter.name}", None, parameter.allowed)
 
-    def value(self, name: str, scale: UnitScale = MILLIMETRES) -> Any:
+    def value(self, name: str, scale: UnitScale = MILLIMETRES) -> float:
         """Return a parameter, or its default, as a number for an axis with these units."""
         parameter = next(one for one in JOBS[self.job] if one.name == name)
         value = self.parameters.get(name, parameter.default)
+        if not isinstance(value, int | float):
+            raise ConfigurationError(f"step {self.job}.{name}", value, parameter.allowed)
         if name == "jerk" and value < 0.0:
             return value  # the default of the axis
         factor = scale.of(parameter.unit)
@@ -174,7 +179,7 @@ class Break:
 Step = Do | Wait | Break
 
 
-def step_from_json(content: Any, where: str = "step") -> Step:
+def step_from_json(content: object, where: str = "step") -> Step:
     """Build a step from JSON values.
 
     Raises:
@@ -211,7 +216,7 @@ class Program:
         return [*head, *(step.to_json() for step in self.steps)]
 
     @classmethod
-    def from_json(cls, content: Any) -> Program:
+    def from_json(cls, content: object) -> Program:
         """Build a program from JSON values; `ConfigurationError` names the step that is wrong."""
         if not isinstance(content, Iterable) or isinstance(content, (str, Mapping)):
             raise ConfigurationError("program", content, "a list of steps")

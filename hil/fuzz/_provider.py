@@ -6,7 +6,7 @@ same seed would give other programs in another process, or after another test.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 from hypothesis.internal.conjecture.providers import AVAILABLE_PROVIDERS, HypothesisProvider
 
@@ -17,7 +17,7 @@ BACKEND: Final = "motion-hil"
 class SeededProvider(HypothesisProvider):
     """Makes the choices of Hypothesis, without the constants of loaded modules."""
 
-    def _maybe_draw_constant(self, *_arguments: Any, **_options: Any) -> None:
+    def _maybe_draw_constant(self, *_arguments: object, **_options: object) -> None:
         return None
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from hil.campaign import Campaign, Case, load_bench_file
 from hil.errors import CannotRunError
@@ -45,23 +45,32 @@ def regressions(folder: Path, title: str = "regressions") -> Campaign:
     """
     campaign = Campaign(title, tags=["regression"])
     for file in sorted(folder.glob("*.json")):
-        content, program = _read(file)
-        path = folder / content["bench"]
+        kept = _read(file)
+        path = folder / kept.bench
         campaign.add(
             Case(
                 identifier=f"{title}/{file.stem}",
-                title=content["title"],
+                title=kept.title,
                 group=title,
-                function=functools.partial(check_program, program=program),
+                function=functools.partial(check_program, program=kept.program),
                 tags=campaign.tags,
-                bench=str(path) if path.is_file() else content["bench"],
-                seed=content["seed"],
+                bench=str(path) if path.is_file() else kept.bench,
+                seed=kept.seed,
             )
         )
     return campaign
 
 
-def _read(file: Path) -> tuple[dict[str, Any], Program]:
+class _Kept(NamedTuple):
+    """A program that was kept."""
+
+    title: str
+    bench: str
+    seed: int
+    program: Program
+
+
+def _read(file: Path) -> _Kept:
     content = read_json(file)
     wanted = ", ".join(_KEYS)
     if not isinstance(content, dict) or set(content) != set(_KEYS):
@@ -72,7 +81,11 @@ def _read(file: Path) -> tuple[dict[str, Any], Program]:
     program = program_in(file, content["program"])
     if program.configuration:
         raise CannotRunError(f"{file}: program has a configuration, but a kept one stands in a bench file")
-    return content, program
+    title, bench, seed = content["title"], content["bench"], content["seed"]
+    assert isinstance(title, str)  # these three are checked above
+    assert isinstance(bench, str)
+    assert isinstance(seed, int)
+    return _Kept(title, bench, seed, program)
 
 
 def keep_program(token: Token, folder: Path, title: str) -> Path:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.errors import ConfigurationError
 from hil.bench.units import UnitScale
@@ -19,7 +19,13 @@ from hil.fuzz._program import Break, Do, Program, Step, Wait
 from hil.record import Trace
 from reports.model import CaseResult, Check, Verdict
 
-InvariantFactory = Callable[[Any], list[Invariant]]
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
+    from hil.protocols import BenchFile
+    from motion.s7.handles import AxisHandle
+    from motion.s7.instructions.base import Instruction
+
+InvariantFactory = Callable[["Bench"], list[Invariant]]
 STEP_S: Final = 0.012
 """Bench time after every instruction, so that its edge is seen."""
 SETTLE_S: Final = 1.0
@@ -69,17 +75,20 @@ class _Hands:
         "torque_release": ("torque_limiting", {"Enable": False}),
     }
 
-    def __init__(self, axis: Any, watch: OneJobOutput | None) -> None:
+    def __init__(self, axis: AxisHandle, watch: OneJobOutput | None) -> None:
         self._axis = axis
         self._watch = watch
-        self._held: dict[str, Any] = {}
+        self._held: dict[str, Instruction] = {}
         self._scale = UnitScale.of_axis(axis)
 
     def do(self, step: Do) -> None:
         axis, scale = self._axis, self._scale
 
-        def value(name: str) -> Any:
+        def value(name: str) -> float:
             return step.value(name, scale)
+
+        def whole(name: str) -> int:
+            return int(step.value(name, scale))
 
         how = {key: value(name) for name, key in _HOW.items() if name in step.parameters}
         if step.job in self._RELEASES:
@@ -93,15 +102,15 @@ class _Hands:
                 axis.power(True)
                 return
             case "power_off":
-                axis.power(False, stop_mode=value("stop_mode"))
+                axis.power(False, stop_mode=whole("stop_mode"))
                 return
             case "override":
                 axis.write("Override.Velocity", value("factor"))
                 return
             case "reset":
-                job = axis.reset()
+                job: Instruction = axis.reset()
             case "home":
-                job = axis.home(value("position"), mode=value("mode"))
+                job = axis.home(value("position"), mode=whole("mode"))
             case "move_absolute":
                 job = axis.move_absolute(value("position"), Velocity=value("velocity"), **how)
             case "move_relative":
@@ -117,18 +126,22 @@ class _Hands:
             case "torque_limiting":
                 job = axis.torque_limiting(value("limit"))
             case "jog":
-                job = axis.jog(value("velocity"), backward=value("backward"))
+                job = axis.jog(value("velocity"), backward=bool(value("backward")))
             case "halt":
                 job = axis.halt()
             case _:
-                job = axis.stop(value("mode"))
+                job = axis.stop(whole("mode"))
         self._held[step.job] = job
         if self._watch is not None:
             self._watch.jobs.append(job)
 
 
 def run_program(
-    program: Program, bench_file: Any, *, seed: int = 0, invariants: InvariantFactory = default_invariants
+    program: Program,
+    bench_file: BenchFile[Bench],
+    *,
+    seed: int = 0,
+    invariants: InvariantFactory = default_invariants,
 ) -> FuzzOutcome:
     """Run a program on a fresh bench until an invariant breaks or it ends; then judge its trace by the rules.
 
@@ -219,7 +232,7 @@ def _run_in(
     return None, skipped
 
 
-def _install(bench: Any, watched: Sequence[Invariant]) -> None:
+def _install(bench: Bench, watched: Sequence[Invariant]) -> None:
     def look() -> None:
         for invariant in watched:
             problem = invariant.cycle()

@@ -12,13 +12,14 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.errors import ConfigurationError
 from hil._interrupt import end_with_parent
 from hil.campaign import load_bench_file
 from hil.campaign._worker import bench_of
 from hil.errors import CannotRunError
+from hil.fuzz._configuration import bench_file_of
 from hil.fuzz._configuration_strategies import configurations
 from hil.fuzz._invariants import Violation, default_invariants
 from hil.fuzz._program import Program, job_names
@@ -26,6 +27,10 @@ from hil.fuzz._run import FuzzOutcome, InvariantFactory, program_token, run_prog
 from hil.fuzz._situations import Situation, configured, situations_of
 from hil.fuzz._strategies import PREAMBLE, UNCHANGED, descendants, fault_kinds, programs, steps
 from reports.model import Verdict
+
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
+    from hil.protocols import BenchFile
 
 ROUND: Final = 10
 """Programs of a round, which is what a process does at a time."""
@@ -96,7 +101,7 @@ OnRun = Callable[[int, FuzzOutcome | None], None]
 
 
 def search(
-    bench_file: Any,
+    bench_file: BenchFile[Bench],
     *,
     cases: int,
     seed: int = 0,
@@ -139,10 +144,8 @@ def search(
         raise CannotRunError(f"{jobs} processes are not possible; give 1 or more")
     if jobs > 1 and load_bench_file(bench or None).digest != bench_file.digest:
         raise CannotRunError("a search on several processes needs the reference of its bench")
-    if configurations and not hasattr(bench_file, "configured"):
-        raise CannotRunError(
-            f"the bench {bench_file.name!r} comes from no bench file: it has no configurations"
-        )
+    if configurations:
+        bench_file_of(bench_file)  # raises where there is none
     running = _Search(bench_file, cases, seed, invariants=invariants, on_new=on_new, on_run=on_run)
     with bench_file.build(seed=seed) as sample:
         plan = _Round(
@@ -167,7 +170,7 @@ class _Search:
 
     def __init__(
         self,
-        bench_file: Any,
+        bench_file: BenchFile[Bench],
         cases: int,
         seed: int,
         *,
@@ -290,7 +293,10 @@ def _do_there(task: tuple[_Round, str, InvariantFactory]) -> _Found:
 
 
 def _do(
-    order: _Round, bench_file: Any, invariants: InvariantFactory, count: Callable[[FuzzOutcome | None], None]
+    order: _Round,
+    bench_file: BenchFile[Bench],
+    invariants: InvariantFactory,
+    count: Callable[[FuzzOutcome | None], None],
 ) -> _Found:
     """Try the programs of a round; the first that breaks an invariant is shrunk, and ends it."""
     import hypothesis
@@ -300,7 +306,7 @@ def _do(
     from hil.fuzz._provider import BACKEND
 
     attempt = _Attempt(bench_file, order.bench_seed, invariants, count)
-    changes = configurations(bench_file.config) if order.configurations else UNCHANGED
+    changes = configurations(bench_file_of(bench_file).config) if order.configurations else UNCHANGED
     strategy = programs(
         order.kinds, order.identifiers, jobs=order.jobs, longest=order.longest, configurations=changes
     )
@@ -337,7 +343,7 @@ class _Attempt:
 
     def __init__(
         self,
-        bench_file: Any,
+        bench_file: BenchFile[Bench],
         seed: int,
         invariants: InvariantFactory,
         count: Callable[[FuzzOutcome | None], None],
@@ -407,7 +413,7 @@ def _tell(
     program: Program,
     violation: Violation,
     *,
-    bench_file: Any,
+    bench_file: BenchFile[Bench],
     bench: str,
     invariants: InvariantFactory,
 ) -> None:
@@ -424,11 +430,12 @@ def _tell(
     failure.result.token = report.token
 
 
-def _identifiers(bench: Any) -> dict[str, int]:
+def _identifiers(bench: Bench) -> dict[str, int]:
     """Return the identifiers of the drive's frames; none where it is not on CAN."""
     name = bench.drive().name
-    on_modbus = str(getattr(bench.segment(), "kind", "")).startswith("modbus")
-    return {} if on_modbus else bench.cob_ids(name)
+    from hil.bench.modbus_links import ModbusSegment
+
+    return {} if isinstance(bench.segment(), ModbusSegment) else bench.cob_ids(name)
 
 
 def _weight(program: Program) -> tuple[int, int]:

@@ -5,7 +5,7 @@ that a shrunk program reads well.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy
@@ -16,6 +16,10 @@ from hil.faults.seams import missing
 from hil.fuzz._configuration import Configuration
 from hil.fuzz._program import JOBS, Break, Do, Program, Step, Wait
 from hil.fuzz._telegram_strategies import TELEGRAM_KINDS, telegram_fault
+
+if TYPE_CHECKING:
+    from fieldbus.history import Scalar
+    from hil.bench.bench import Bench
 
 _EMCY: Final = (0x2310, 0x3210, 0x3220, 0x4310, 0x5400, 0x7121, 0x7305, 0x8611, 0xFF00)
 _ALARMS: Final = ((421, 4), (431, 4), (521, 4), (411, 4), (534, 3), (533, 2), (304, 3), (307, 2), (550, 5))
@@ -31,10 +35,10 @@ def _grid(low: int, high: int, step: float) -> SearchStrategy[float]:
     return st.integers(low, high).map(lambda number: round(number * step, 6))
 
 
-def _job(name: str, **parameters: SearchStrategy[Any]) -> SearchStrategy[Step]:
+def _job(name: str, **parameters: SearchStrategy[Scalar]) -> SearchStrategy[Step]:
     """Return a strategy of steps with an instruction; a parameter that is None is left out."""
 
-    def build(**values: Any) -> Step:
+    def build(**values: Scalar) -> Step:
         return Do(name, {key: value for key, value in values.items() if value is not None})
 
     return st.builds(build, **parameters)
@@ -46,7 +50,7 @@ def _jobs(names: Sequence[str]) -> SearchStrategy[Step]:
     distance = _grid(-20, 20, 10.0)
     jerk = st.sampled_from([None, None, 0.0, 2000.0])
     how = {"jerk": jerk, "buffer": st.sampled_from([None, None, 1])}
-    known: dict[str, dict[str, SearchStrategy[Any]]] = {
+    known: dict[str, dict[str, SearchStrategy[Scalar]]] = {
         "power_off": {"stop_mode": st.integers(0, 3)},
         "home": {
             "position": _grid(-10, 10, 10.0),
@@ -65,7 +69,7 @@ def _jobs(names: Sequence[str]) -> SearchStrategy[Step]:
     return st.one_of([_job(name, **known.get(name, {})) for name in names])
 
 
-def _selection(messages: Sequence[str]) -> SearchStrategy[dict[str, Any]]:
+def _selection(messages: Sequence[str]) -> SearchStrategy[dict[str, Scalar]]:
     return st.fixed_dictionaries(
         {"message": st.sampled_from(list(messages))},
         optional={"every": st.integers(1, 5), "probability": st.sampled_from([0.1, 0.5, 0.9])},
@@ -76,10 +80,10 @@ _OF_A_LINE: Final = ("modbus.crc", "modbus.broadcast", "modbus.noise")
 _OF_A_NETWORK: Final = ("modbus.transaction", "modbus.reset", "modbus.cut")
 
 
-def _extras(kind: str) -> SearchStrategy[dict[str, Any]]:
+def _extras(kind: str) -> SearchStrategy[dict[str, Scalar]]:
     """Return the parameters of a kind besides the choice of frames."""
     inputs = st.sampled_from(["negative_limit", "positive_limit", "home"])
-    known: dict[str, SearchStrategy[dict[str, Any]]] = {
+    known: dict[str, SearchStrategy[dict[str, Scalar]]] = {
         "frame.delay": st.fixed_dictionaries({"delay_s": _grid(1, 20, 0.001)}),
         "frame.drift": st.fixed_dictionaries({"drift_ppm": _grid(1, 20, 100.0)}),
         "frame.jitter": st.fixed_dictionaries({"jitter_s": _grid(1, 20, 0.0002)}),
@@ -160,7 +164,7 @@ def _fault(kind: str, ids: dict[str, int]) -> SearchStrategy[Step]:
     )
 
 
-def fault_kinds(bench: Any) -> list[str]:
+def fault_kinds(bench: Bench) -> list[str]:
     """Return the kinds of the catalogue that a bench can inject and that leave the drive to its controller.
 
     Their definitions say which are drawn (`FaultType.fuzzed`).
@@ -168,10 +172,13 @@ def fault_kinds(bench: Any) -> list[str]:
     drive = bench.drive()
     where = environment(bench, drive)
     has_alarms = hasattr(bench.axis(), "alarms")
-    on_modbus = str(getattr(bench.segment(), "kind", "")).startswith("modbus")
-    line = str(getattr(bench.segment(), "kind", "")) == "modbus_rtu"
-    port = getattr(bench, "port", lambda: None)()
-    led_by_telegram = hasattr(port, "actual_seam")
+    from hil.bench.bench import Bench
+    from hil.bench.modbus_links import ModbusSegment
+
+    segment = bench.segment()
+    on_modbus = isinstance(segment, ModbusSegment)
+    line = isinstance(segment, ModbusSegment) and segment.kind == "modbus_rtu"
+    led_by_telegram = isinstance(bench, Bench) and hasattr(bench.port(), "actual_seam")
     return [
         entry.name
         for entry in CATALOGUE

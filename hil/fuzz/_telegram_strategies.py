@@ -4,13 +4,16 @@ bits that lie, silence, delay.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy
 
 from hil.faults import Fault
 from hil.fuzz._program import Break, Step
+
+if TYPE_CHECKING:
+    from fieldbus.history import Scalar
 
 _COMMANDS: Final = tuple(f"STW1.{bit}" for bit in (0, 1, 2, 3, 4, 5, 6, 8, 9))
 """ON, OFF2, OFF3, enable operation, the ramp generator, jog: what the drive hears wrongly."""
@@ -20,7 +23,7 @@ _ENCODER: Final = ("G1_ZSW.15", "G1_ZSW.14", "G1_ZSW.11")
 _DIRECTIONS: Final = ("actual", "setpoint")
 
 _way = st.sampled_from(_DIRECTIONS)
-_KNOWN: Final[dict[str, SearchStrategy[dict[str, Any]]]] = {
+_KNOWN: Final[dict[str, SearchStrategy[dict[str, Scalar]]]] = {
     "telegram.flip": st.fixed_dictionaries({"signal": st.sampled_from((*_COMMANDS, *_STATES, *_ENCODER))}),
     "telegram.stuck": st.one_of(
         st.fixed_dictionaries(

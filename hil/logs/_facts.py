@@ -6,8 +6,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from hil.bench import BenchFile as OwnBenchFile
 from hil.bench.drive_config import CanDriveTable, Cia402DriveTable, ProfidriveCanTable
 from hil.bench.segment_config import CanTable
 from hil.errors import CannotRunError
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from fieldbus.profidrive import Telegram
     from hil.bench.bench import Bench
     from hil.bench.config import BenchConfig
+    from hil.protocols import BenchFile
 
 
 @dataclass(frozen=True)
@@ -66,18 +68,18 @@ class BenchFacts:
     """Makes a decoder of a segment that has heard nothing yet."""
 
 
-def facts_of(bench_file: Any) -> BenchFacts:
+def facts_of(bench_file: BenchFile[Bench]) -> BenchFacts:
     """Return the facts of a bench file; a live one is read as if all of it were emulated.
 
     Raises:
         CannotRunError: It is no bench file with segments, or has no CAN segment.
 
     """
-    config: BenchConfig | None = getattr(bench_file, "config", None)
-    if config is None:
+    if not isinstance(bench_file, OwnBenchFile):
         raise CannotRunError(
             f"bench {bench_file.name!r} is an object of your own; a log is read by a bench file"
         )
+    config = bench_file.config
     segments = {
         name: (name, *([section.channel] if section.channel else []))
         for name, section in config.segment.items()

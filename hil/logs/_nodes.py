@@ -5,7 +5,7 @@ state and faults become events.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from typing_extensions import override
 
@@ -15,6 +15,9 @@ from fieldbus.clock import S
 from hil.logs._facts import NodeFacts
 from hil.logs._pdo import Motion, Pdo
 from hil.logs._table import Table
+
+if TYPE_CHECKING:
+    from fieldbus.history import Scalar
 
 Emit = Callable[..., None]
 """Takes time (ns), source, kind and details."""
@@ -154,7 +157,7 @@ class LogNode:
             self._emit(time_ns, "controller", "node.bootup", node=self.facts.node_id, name=name)
             self._nmt, state = int(NmtState.INITIALISING), int(NmtState.PRE_OPERATIONAL)
         if state != self._nmt:
-            details: dict[str, Any] = {"to": _nmt_name(state)}
+            details: dict[str, Scalar] = {"to": _nmt_name(state)}
             if self._nmt >= 0:
                 details = {"from": _nmt_name(self._nmt), **details}
             self._emit(time_ns, name, "nmt.state", **details)

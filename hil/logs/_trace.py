@@ -6,8 +6,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
+from fieldbus.can.frame import CanFrame
 from fieldbus.canopen.nmt import COB_ERROR_CONTROL, COB_SDO_SERVER, NmtState
 from fieldbus.clock import S
 from fieldbus.history import Event, Scalar
@@ -18,7 +19,10 @@ from hil.logs._nodes import LogNode, node_of
 from hil.record import PackedFrames, Trace, TraceGroup
 
 if TYPE_CHECKING:
-    from fieldbus.can.frame import CanFrame
+    from fieldbus.canopen.decode import FrameDecoder
+    from hil.bench.bench import Bench
+    from hil.protocols import BenchFile
+    from hil.record import BusFrame
 
 LOG_KINDS: Final = (
     "drive.state",
@@ -48,14 +52,16 @@ class LogTrace:
     """A decoded log."""
 
     trace: Trace
-    decode: Callable[[CanFrame], str]
+    decode: Callable[[BusFrame], str]
     notes: list[str] = field(default_factory=list)
     """What a reader of the verdict should know: nodes that nobody knows, frames left out."""
     bench_name: str = ""
     bench_text: str = ""
 
 
-def trace_of_log(log: BusLog, bench_file: Any, *, channels: Mapping[str, str] | None = None) -> LogTrace:
+def trace_of_log(
+    log: BusLog, bench_file: BenchFile[Bench], *, channels: Mapping[str, str] | None = None
+) -> LogTrace:
     """Return the trace of a log, with the signals, words, states and faults that its frames show.
 
     Args:
@@ -210,7 +216,7 @@ class _Reading:
         self._facts = facts
         self._emit = emit
         self.nodes: list[LogNode] = [node_of(one, emit) for one in facts.nodes]
-        self._words: dict[str, Any] = {}
+        self._words: dict[str, FrameDecoder] = {}
         self.notes: list[str] = []
 
     def read(self, segment: str, log: PackedFrames) -> dict[int, int]:
@@ -275,10 +281,10 @@ class _Reading:
                     f"bytes, {wanted} by the bench file"
                 )
 
-    def decode(self, frame: CanFrame) -> str:
+    def decode(self, frame: BusFrame) -> str:
         """Return a frame in words, by the mapping at the end of the log."""
-        decoder = next(iter(self._words.values()))
-        return str(decoder.decode(frame))
+        assert isinstance(frame, CanFrame)  # a log holds no other
+        return next(iter(self._words.values())).decode(frame)
 
     def groups(self) -> list[TraceGroup]:
         """Return the recorded rows of nodes and axes, the axes first."""

@@ -19,7 +19,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import CodeType, FunctionType
-from typing import Any, Final
+from typing import Final
 
 from fieldbus.errors import HilError
 from hil.mutants._mutant import Edit, Mutant
@@ -63,7 +63,7 @@ def function_of(edit: Edit) -> FunctionType:
     """
     module_name, _, path = edit.target.partition(":")
     try:
-        found: Any = importlib.import_module(module_name)
+        found: object = importlib.import_module(module_name)
         for name in path.split("."):
             found = inspect.getattr_static(found, name)
     except (ImportError, AttributeError) as error:
@@ -71,7 +71,7 @@ def function_of(edit: Edit) -> FunctionType:
     return _undecorated(edit, found)
 
 
-def _undecorated(edit: Edit, found: Any) -> FunctionType:
+def _undecorated(edit: Edit, found: object) -> FunctionType:
     while not isinstance(found, FunctionType) or hasattr(found, "__wrapped__"):
         inner = getattr(found, "__wrapped__", None)
         if isinstance(found, property):
@@ -106,10 +106,13 @@ def changed_source(edit: Edit, function: FunctionType) -> _Change:
 
 
 def _statement_lists(node: ast.AST) -> Iterator[list[ast.stmt]]:
-    for name in ("body", "orelse", "finalbody"):
-        yield getattr(node, name, [])
-    for handler in (*getattr(node, "handlers", ()), *getattr(node, "cases", ())):
-        yield handler.body
+    for _name, value in ast.iter_fields(node):
+        inner = value if isinstance(value, list) else []
+        if inner and isinstance(inner[0], ast.stmt):
+            yield inner
+        for one in inner:
+            if isinstance(one, ast.ExceptHandler | ast.match_case):
+                yield one.body
 
 
 def _place(statements: list[ast.stmt], line: int) -> tuple[list[ast.stmt], int] | None:

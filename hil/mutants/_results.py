@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from hil.campaign import environment_facts
 from hil.errors import CannotRunError
@@ -185,7 +185,7 @@ def store(seeding: Seeding, directory: Path) -> None:
 class Stored:
     """An earlier run, as its file has it."""
 
-    entries: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    entries: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     """What is known of each defect, by name."""
     seconds: float = 0.0
     seed: int = 0
@@ -245,7 +245,7 @@ class Stored:
         return found
 
 
-def _check(entry: Mapping[str, Any]) -> None:
+def _check(entry: Mapping[str, object]) -> None:
     if missing := _NEEDED - entry.keys():
         raise ValueError(f"{entry['name']} has no {', '.join(sorted(missing))}")
 

@@ -394,7 +394,7 @@ class Trace:
     def save(self, path: str | Path) -> tuple[Path, Path]:
         """Write `<path>.npz` (columns) and `<path>.json` (everything else), for `load`; returns both."""
         archive, document = _files(Path(path))
-        arrays: dict[str, NDArray[Any]] = {}
+        arrays: dict[str, NDArray[np.int64] | NDArray[np.float64]] = {}
         groups: list[dict[str, object]] = []
         for index, group in enumerate(self._groups.values()):
             arrays[f"t{index}"] = group.time_ns

@@ -6,15 +6,17 @@ import csv
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fieldbus.errors import ConfigurationError
 from hil.errors import CannotRunError
 from hil.record._trace import Trace, TraceGroup
 from reports.naming import naming
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 SIGNAL_FORMATS: Final = (".mf4", ".csv", ".npz")
 """Suffixes of files for signals."""
@@ -69,7 +71,7 @@ def _columns(group: TraceGroup, wanted: set[str]) -> list[int]:
 
 
 def _write_npz(chosen: Chosen, path: Path) -> None:
-    arrays: dict[str, NDArray[Any]] = {}
+    arrays: dict[str, ArrayLike] = {}
     for group, columns in chosen:
         arrays[f"{group.name}.time_ns"] = group.time_ns
         arrays[f"{group.name}.time_s"] = group.time_ns * _NS
