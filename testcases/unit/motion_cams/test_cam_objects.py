@@ -644,6 +644,7 @@ def test_copied_elements_are_valid_and_wait_for_an_interpolation():
         assert rig.cam.var("ValidPoint[5]") is (mode == 1)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "CAM-082", "CAM-083", "CAM-084", "CAM-085", "CAM-086", "CAM-087", "CAM-094", "CAM-095", "CAM-096",
     "CAM-097", "CAM-214", "CAM-236",

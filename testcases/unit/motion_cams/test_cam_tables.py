@@ -34,6 +34,7 @@ sine_period = 0.1
 """
 
 
+@pytest.mark.exhaustive
 def test_a_cam_of_a_bench_file_is_there_and_waits_for_its_interpolation(tmp_path):
     """With points of table and file, segments, laws and other variables; the program interpolates it."""
     (tmp_path / "more.csv").write_text("leading;following\n# a comment\n\n150.0;40.0\n 160 ; 41.5\n")

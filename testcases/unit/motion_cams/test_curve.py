@@ -218,6 +218,7 @@ def test_bezier_interpolation_follows_its_points_as_control_points():
     assert bends[0] <= bends[1]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CAM-044")
 @settings(max_examples=60, deadline=None)
 @given(numbers(9))
@@ -244,6 +245,7 @@ def test_first_derivatives_are_equal_at_start_and_end_where_demanded(drawn):
         assert lines[0].evaluate(one.x) == lines[1].evaluate(one.x)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CAM-206", "CAM-217")
 @settings(max_examples=100, deadline=None)
 @given(numbers(12), st.sampled_from(Boundary))
@@ -271,6 +273,7 @@ def test_what_counts_of_points_and_segments():
     """A segment hides points; one that begins later is used completely; small gaps are none; any order."""
     hidden = interpolate(points((0, 0), (5, 99), (8, 1), (4, 3)), [segment(4, 8, 2)], LINEAR)
     assert [hidden.evaluate(x)[0] for x in (2.0, 4.0, 5.0, 8.0)] == [1.0, 2.0, 2.0, 2.0]
+    assert (hidden.end, hidden.evaluate(7.0)[0]) == (8.0, 2.0)
     for order in (1, -1):
         both = [segment(0, 100, 0, 1), segment(60, 80, 5)][::order]
         curve = interpolate([], both, LINEAR)
@@ -325,6 +328,7 @@ def test_leading_value_of_a_following_value_is_the_nearest_one():
     assert valley.find(0.5, 10.0) == 15.0
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=150, deadline=None)
 @given(numbers(9), st.sampled_from(Interpolation), st.floats(0.0, 1.0))
 def test_curves_invert(drawn, mode, share):
@@ -346,6 +350,7 @@ def test_curves_invert(drawn, mode, share):
     assert not inverse.reaches(inverse.highest + 1e-6 * scale)
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(-3.0, 3.0), min_size=7, max_size=7), st.floats(-2.0, 2.0), st.floats(-12.0, 12.0))
 def test_every_solution_in_a_segment_is_found(coefficients, amplitude, rate):
@@ -390,6 +395,7 @@ def test_negative_scaling_mirrors_the_cam():
         ScaledCurve(curve, mode=3)
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=100, deadline=None)
 @given(
     numbers(6),

@@ -101,6 +101,7 @@ CASES = {
 PLACES = (0.1, 0.25, 0.4, 0.5, 0.75, 0.9)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(*(f"CAM-{number}" for number in range(162, 186)))
 def test_characteristic_values(subtests):
     """Velocity, acceleration, deceleration, jerk and torque of every law; closed forms to 1e-12 where there
@@ -195,6 +196,7 @@ def test_function_values_are_the_double_integral_of_the_acceleration(subtests):
                 assert CASES[name][0].evaluate(z) == pytest.approx((way, slope, bend), abs=1e-12)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CAM-151", "CAM-216")
 @settings(max_examples=80, deadline=None)
 @given(
@@ -259,6 +261,7 @@ def test_every_law_keeps_the_values_of_its_boundaries(subtests):
     assert CASES["4-5-6-7"][0].third(1.0) == pytest.approx(0.0, abs=1e-11)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CAM-152")
 def test_mirrored_laws_are_point_reflections():
     """Ca and Ca* change places, for every law that goes from one kind of boundary to another."""
@@ -274,6 +277,9 @@ def test_mirrored_laws_are_point_reflections():
                 assert mirrored.evaluate(z)[0] == pytest.approx(1.0 - plain.evaluate(1.0 - z)[0], abs=1e-12)
             values, others = mirrored.characteristics, plain.characteristics
             assert (values.ca, values.ca_star) == pytest.approx((others.ca_star, others.ca))
+            if LAWS[kind].takes_lambda:
+                moved, other = law_between(kind, start, end, lam=0.4), law_between(kind, *turned, lam=0.6)
+                assert moved.evaluate(0.3)[0] == pytest.approx(1.0 - other.evaluate(0.7)[0], abs=1e-12)
 
 
 @pytest.mark.requirement("CAM-146", "CAM-147", "CAM-148", "CAM-149")
@@ -313,6 +319,7 @@ def test_laws_that_can_be_selected(subtests):
                             law_between(name, first, last)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CAM-160")
 def test_law_with_the_lowest_characteristic_value_is_proposed():
     """Among those that are continuous enough."""
@@ -330,6 +337,7 @@ def test_law_with_the_lowest_characteristic_value_is_proposed():
         proposed("BB", "ca", 4)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CAM-161")
 def test_turning_point_or_greatest_acceleration_can_be_given():
     """One of them; of the parabola Ca = 8 gives 0.25; without any the law has its own."""
@@ -356,6 +364,7 @@ def test_turning_point_or_greatest_acceleration_can_be_given():
         law_between("polynomial_3", *ends, lam=0.4)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CAM-243", "CAM-244")
 def test_turning_point_moves_along_the_straight_line(subtests):
     """Symmetric laws are stretched on both sides of it; velocity stays, accelerations follow."""
@@ -428,6 +437,7 @@ def test_values_over_time_of_a_transition():
     assert abs(curve.third(100.0)) * 200.0**3 == pytest.approx(24_000.0)
 
 
+@pytest.mark.exhaustive
 def test_every_law_becomes_the_same_curve_in_a_cam(subtests):
     """Within 1e-9 of the rise where it is made of segments; the seventh order and the double harmonic are
     approximated.
