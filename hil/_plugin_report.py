@@ -188,6 +188,7 @@ def _title(item: pytest.Item) -> str:
 
 def _collect(record: TestRecord, use: Use, trace: Trace, result: CaseResult) -> None:
     """Fill a result with what its bench has recorded."""
+    from hil.bench.cam_drawings import cam_drawings
     from hil.testing import CurrentTrace
 
     result.checks = [check for current in CurrentTrace.all_of(use.bench) for check in current.checks]
@@ -202,6 +203,7 @@ def _collect(record: TestRecord, use: Use, trace: Trace, result: CaseResult) -> 
     )
     result.signals = build_signals(trace, judged=[check.signal for check in bad if check.signal])
     result.homings = homing_drawings(trace)
+    result.cams = cam_drawings(use.bench)
 
 
 def _steps_of(record: TestRecord) -> Iterator[Step]:

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import fields
 from typing import Any
 
+from reports.cams import CamDrawing
 from reports.homing import HomingDrawing
 from reports.model import (
     AlarmRecord,
@@ -33,7 +34,9 @@ _ROWS: dict[str, type[Any]] = {
 }
 _MESSAGE_FIELDS = tuple(item.name for item in fields(Message))
 _CASE_PLAIN = tuple(
-    item.name for item in fields(CaseResult) if item.name not in {*_ROWS, "homings", "messages", "signals"}
+    item.name
+    for item in fields(CaseResult)
+    if item.name not in {*_ROWS, "cams", "homings", "messages", "signals"}
 )
 _RUN_PLAIN = tuple(item.name for item in fields(RunResult) if item.name not in {"cases", "requirements"})
 
@@ -47,6 +50,7 @@ def case_to_plain(case: CaseResult) -> dict[str, Any]:
     plain = {name: getattr(case, name) for name in _CASE_PLAIN}
     for name in _ROWS:
         plain[name] = [_plain(record) for record in getattr(case, name)]
+    plain["cams"] = [drawing.to_plain() for drawing in case.cams]
     plain["homings"] = [drawing.to_plain() for drawing in case.homings]
     plain["messages"] = [[getattr(message, name) for name in _MESSAGE_FIELDS] for message in case.messages]
     return plain
@@ -64,6 +68,7 @@ def case_from_plain(plain: Mapping[str, Any]) -> CaseResult:
     values["checks"] = [{**check, "verdict": Verdict(check["verdict"])} for check in values.get("checks", [])]
     for name, kind in _ROWS.items():
         values[name] = [kind(**record) for record in values.get(name, [])]
+    values["cams"] = [CamDrawing.from_plain(drawing) for drawing in values.get("cams", [])]
     values["homings"] = [HomingDrawing.from_plain(drawing) for drawing in values.get("homings", [])]
     values["messages"] = messages_from_plain(values.get("messages", []))
     return CaseResult(**values)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from reports.cams import CamDrawing
 from reports.homing import HomingDrawing
 
 Scalar = str | int | float | bool | None
@@ -169,6 +170,8 @@ class CaseResult:
     signals: Sequence[Signal] = field(default_factory=list)
     homings: list[HomingDrawing] = field(default_factory=list)
     """Active and passive homings, each as a drawing."""
+    cams: list[CamDrawing] = field(default_factory=list)
+    """Cams that are interpolated at the end, each as a drawing."""
     files: dict[str, str] = field(default_factory=dict)
     """Evidence files: bus logs and the like; name to path relative to the report."""
     source: str = ""

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
+from hil.bench.cam_drawings import cam_drawings
 from hil.campaign._case import Case
 from hil.campaign._context import CaseContext
 from hil.campaign._evidence import (
@@ -281,6 +282,7 @@ def collect_evidence(
     result.messages = build_messages(trace, context.bench.decode, window)
     result.signals = build_signals(trace, signals, judged=judged)
     result.homings = homing_drawings(trace)
+    result.cams = cam_drawings(context.bench)
 
 
 def make_token(case: Case, *, seed: int, campaign: str, bench: str, bench_digest: str) -> str:

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from html import escape
 from typing import Final, NamedTuple
 
-from reports.json_types import Json
+from reports.cams import CamDrawing
+from reports.json_types import Json, JsonObject
 
 Node = list[Json]
 
@@ -61,6 +62,8 @@ def _panel(
 ) -> list[Json]:
     given = [y for _, y in panel.points]
     low, high = min(0.0, *panel.values, *given), max(0.0, *panel.values, *given)
+    # What is 0 but for rounding is 0.
+    low, high = (0.0 if abs(one) < 1e-9 * (high - low) else one for one in (low, high))
     if high - low < 1e-12:
         low, high = -1.0, 1.0
     scale = _PANEL / (high - low)
@@ -105,6 +108,23 @@ def _text(x: float, y: float, text: str, anchor: str) -> Json:
 def short(value: float) -> str:
     """Return a number with four digits and a proper minus sign."""
     return f"{value:.4g}".replace("-", "\N{MINUS SIGN}")
+
+
+def cam_payload(cam: CamDrawing) -> JsonObject:
+    """Return title, picture and text alternative of a cam, for the page."""
+    given = [(point[0], point[1]) for point in cam.points]
+    panels = [
+        Panel("following value", cam.y, given),
+        Panel("first derivative", cam.first),
+        Panel("second derivative", cam.second),
+    ]
+    ranges = ", ".join(f"{one.label} {short(min(one.values))} to {short(max(one.values))}" for one in panels)
+    return {
+        "title": f"Cam {cam.name}",
+        "sub": cam.text,
+        "alt": f"Cam {cam.name}, {cam.text}: {ranges}",
+        "svg": picture(cam.x, panels, label="leading value"),
+    }
 
 
 def markup(node: Json) -> str:

@@ -39,9 +39,10 @@ from reports.seeding import Seeding
 from reports.summary import run_digest
 from reports.text import VERDICTS, duration, headline, own_title, run_state
 
-_STYLES: Final = ("style.css", "case.css", "homing.css")
+_STYLES: Final = ("style.css", "case.css", "homing.css", "curves.css")
 _SCRIPTS: Final = (
-    "core.js", "list.js", "requirements.js", "overlay.js", "plot.js", "homing.js", "case.js", "main.js",
+    "core.js", "list.js", "requirements.js", "overlay.js", "plot.js", "homing.js", "curves.js", "case.js",
+    "main.js",
 )  # fmt: skip
 _PLAIN_ROWS: Final = 500
 

@@ -1,0 +1,10 @@
+// Pictures of cams: the function and its derivatives over the leading value.
+
+function camView(cam, index) {
+  const svg = drawn(cam.svg);
+  svg.setAttribute("aria-labelledby", `cam-title-${index}`);
+  svg.setAttribute("aria-describedby", `cam-alt-${index}`);
+  return h("details.homing", { open: true },
+    h("summary", null, h("span", null, h("b", { id: `cam-title-${index}` }, cam.title), h("small", null, cam.sub))),
+    h("div.homing-body", null, svg, h("p.sr", { id: `cam-alt-${index}` }, cam.alt)));
+}
