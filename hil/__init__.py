@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from hil.protocols import Device, Drive, Encoder
     from hil.record import EventSelector, Recorder, Signal, Trace, event
     from hil.testing import CurrentTrace, NewBench
+    from motion.s7.cam_handle import CamHandle as Cam
     from motion.s7.handles import AxisHandle as Axis
     from motion.s7.handles import EncoderHandle as ExternalEncoder
     from motion.s7.instructions import Instruction as Job
@@ -31,6 +32,7 @@ __all__ = [
     "Bench",
     "BenchFile",
     "BlockedError",
+    "Cam",
     "Campaign",
     "Case",
     "CaseContext",
@@ -63,6 +65,7 @@ if not TYPE_CHECKING:
     _PLACES = {
         "Axis": ("motion.s7.handles", "AxisHandle"),
         "Bench": ("hil.bench.bench", "Bench"),
+        "Cam": ("motion.s7.cam_handle", "CamHandle"),
         "CATALOGUE": ("hil.faults", "CATALOGUE"),
         "CurrentTrace": ("hil.testing", "CurrentTrace"),
         "NewBench": ("hil.testing", "NewBench"),

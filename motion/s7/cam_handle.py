@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from fieldbus.errors import UnknownAttributeError
+from fieldbus.errors import ConfigurationError, UnknownAttributeError
 from motion.kernel.cams import Curve, Point, Segment
 from motion.s7.cams import SEGMENT_FIELDS, Cam, PointArray, SegmentArray, segment_values
 from motion.s7.instructions import (
@@ -174,6 +175,37 @@ class CamHandle:
         if segment_array.elements:
             given |= {"ArrayOfSegments": segment_array, "NumberOfSegments": len(segment_array.elements)}
         return self.run(MC_CopyCamData(self.object, Execute=True, **(given | inputs)))
+
+    def export(self, path: str | Path, *, number: int = 361, derivatives: bool = False) -> Path:
+        """Write the function as a list of points at equal distances of the leading value (CAM-224).
+
+        Args:
+            path: CSV file; without derivatives it can be a `points_file` of a bench file.
+            number: Points, both ends included; 2 or more.
+            derivatives: Also the first, second and third derivative.
+
+        Returns:
+            The path.
+
+        Raises:
+            ConfigurationError: The cam is not interpolated, or there are less than two points.
+
+        """
+        curve = self.curve
+        if curve is None:
+            raise ConfigurationError(self.name, "not interpolated", "a cam that is interpolated")
+        if number < 2:
+            raise ConfigurationError("number", number, "2 or more points")
+        names = ["leading value", "following value"]
+        names += ["velocity", "acceleration", "jerk"] if derivatives else []
+        lines = [",".join(names)]
+        for index in range(number):
+            x = curve.end if index == number - 1 else curve.start + index * curve.period / (number - 1)
+            values = (x, *curve.evaluate(x), curve.third(x))
+            lines.append(",".join(map(repr, values if derivatives else values[:2])))
+        file = Path(path)
+        file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return file
 
     def reset(self, *, restart: bool = False) -> MC_Reset:
         """Start `MC_Reset`."""

@@ -782,6 +782,30 @@ def test_handle_says_how_the_cam_stands():
         _ = rig.cam.interpolated
 
 
+@pytest.mark.requirement("CAM-224")
+def test_function_is_exported_as_points_at_equal_distances(tmp_path):
+    """With following value, and with velocity, acceleration and jerk on demand; it can be read as a cam
+    again.
+    """
+    from hil.bench.cam_config import read_points
+
+    rig = Rig(points=(), segments=[segment(10, 20, 1, 0, 0, 2)])
+    with pytest.raises(ConfigurationError, match="interpolated"):
+        rig.cam.export(tmp_path / "early.csv")
+    rig.interpolated()
+    lines = rig.cam.export(tmp_path / "all.csv", number=6, derivatives=True).read_text().splitlines()
+    assert lines[0] == "leading value,following value,velocity,acceleration,jerk"
+    rows = [[float(one) for one in line.split(",")] for line in lines[1:]]
+    assert [row[0] for row in rows] == [10.0, 12.0, 14.0, 16.0, 18.0, 20.0]
+    for x, *values in rows:
+        s = x - 10.0
+        assert values == pytest.approx([1 + 2 * s**3, 6 * s**2, 12 * s, 12.0])
+    points = read_points(rig.cam.export(tmp_path / "points.csv", number=11))
+    assert [(one.x, one.y) for one in points] == [(10.0 + k, pytest.approx(1 + 2 * k**3)) for k in range(11)]
+    with pytest.raises(ConfigurationError, match="2 or more"):
+        rig.cam.export(tmp_path / "one.csv", number=1)
+
+
 def test_warm_restart_ends_jobs():
     """STOP ends what is under way; the instances begin again."""
     rig = Rig(kind="TO_Cam_10k")

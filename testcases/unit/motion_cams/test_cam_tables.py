@@ -94,6 +94,20 @@ def test_lines_of_a_points_file_that_are_no_points_are_refused(tmp_path):
             parse(BENCH + f'points_file = "{path}"', "bench.toml")
 
 
+def test_example_of_the_page_is_a_cam(tmp_path):
+    """As it stands there, with a file of points."""
+    import re
+    from pathlib import Path
+
+    page = Path(__file__).resolve().parents[3] / "docs/reference/cams.md"
+    example = re.search(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)[1]
+    (tmp_path / "more.csv").write_text("100.0,25.0\n")
+    path = tmp_path / "bench.toml"
+    path.write_text(BENCH.replace("[cam.knife]", example))
+    table = load_bench(str(path)).config.cam["knife"]
+    assert (len(table.elements().points), len(table.elements().segments)) == (3, 4)
+
+
 def test_other_controllers_have_no_cams():
     """Nor their instructions; the message says which has them."""
     text = BENCH.replace('name = "cell"', 'name = "cell"\ncpu = "S7-1500"')

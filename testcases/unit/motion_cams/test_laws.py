@@ -143,6 +143,21 @@ def test_function_values(subtests):
             assert CASES[name][0].evaluate(0.5)[0] == value
 
 
+def way_of_trapezoid(tu, share):
+    """Way of the trapezoid to a reversal for an acceleration of 1, phase by phase."""
+    way = velocity = 0.0
+    for length, start, end in ((tu / 4, 0.0, 1.0), (tu / 2, 1.0, 1.0), (tu / 4, 1.0, 0.0)):
+        if start == end:
+            way, velocity = way + velocity * length + length**2 / 2, velocity + length
+        else:
+            part = 2 / pi - 4 / pi**2 if start == 0.0 else 4 / pi**2
+            way, velocity = way + velocity * length + part * length**2, velocity + 2 / pi * length
+    length = (1 - tu) / 4
+    way += velocity * length - share * (2 / pi - 4 / pi**2) * length**2
+    velocity -= share * 2 / pi * length
+    return way + velocity * 3 * length - share * (3 * length) ** 2 / 2
+
+
 def accelerations():
     """Accelerations of laws as functions, piece by piece, from their definitions; with the initial slope."""
     k = 1.0 / (4.0 + pi)
@@ -151,6 +166,11 @@ def accelerations():
     lam = HARMONIC
     k1 = (2 / pi - 4 / pi**2) / 16 + 6 / (16 * pi) + 9 / (4 * pi**2)
     hc = 1.0 / (lam**2 * k1 + 4.0 / pi**2 * lam * (1.0 - lam))
+    # Of the trapezoid to a reversal: turning point, and both accelerations from end velocity 0 and way 1.
+    tu = 1.0 / (1.0 + sqrt((0.5 + 1.0 / pi) / (0.75 + 0.5 / pi)))
+    share = tu * (0.5 + 1.0 / pi) / ((1.0 - tu) * (0.75 + 0.5 / pi))
+    ca = 1.0 / way_of_trapezoid(tu, share)
+    star = ca * share
     return {
         "modified sine": [
             (0.125, lambda z: ms * sin(4 * pi * z)),
@@ -170,12 +190,20 @@ def accelerations():
             (lam, lambda z: hc * cos(2 * pi / (3 * lam) * (z - lam / 4))),
             (1.0, lambda z: -hc * lam / (1 - lam) * sin(pi / 2 * (z - lam) / (1 - lam))),
         ],
+        "modified trapezoid R-U": [
+            (tu / 4, lambda z: ca * sin(2 * pi * z / tu)),
+            (3 * tu / 4, lambda _: ca),
+            (tu, lambda z: ca * cos(2 * pi / tu * (z - 3 * tu / 4))),
+            (tu + (1 - tu) / 4, lambda z: -star * sin(2 * pi * (z - tu) / (1 - tu))),
+            (1.0, lambda _: -star),
+        ],
         "inclined sine": [(1.0, lambda z: 2 * pi * sin(2 * pi * z))],
         "double harmonic": [(1.0, lambda z: pi**2 / 2 * (cos(pi * z) - cos(2 * pi * z)))],
         "simple sine": [(1.0, lambda z: pi**2 / 2 * cos(pi * z))],
     }
 
 
+@pytest.mark.requirement("CAM-208")
 def test_function_values_are_the_double_integral_of_the_acceleration(subtests):
     """To 1e-12, by numerical integration of independent formulas; derivatives as well."""
     nodes, weights = np.polynomial.legendre.leggauss(30)
