@@ -94,9 +94,21 @@ def interpolate(
 
     Raises:
         EmptyCamError: There is neither point nor segment.
-        InvalidCamError: A number is not finite, a segment has no length, or there is a single point only.
+        InvalidCamError: A number is not finite, a segment has no length, there is a single point only, or
+            points are so near to each other that the function has no finite slope.
 
     """
+    try:
+        return _interpolated(points, segments, mode, boundary)
+    except (ArithmeticError, ValueError) as error:
+        if isinstance(error, CamError):
+            raise
+        raise InvalidCamError("numbers are too large, or points too near to each other") from error
+
+
+def _interpolated(
+    points: Sequence[Point], segments: Sequence[Segment], mode: Interpolation, boundary: Boundary
+) -> Curve:
     if not points and not segments:
         raise EmptyCamError("there is neither point nor segment")
     used = _visible(segments)
@@ -123,6 +135,9 @@ def interpolate(
                 right = slope if chain.right is None else chain.right
                 pieces += _cubic(chain.points, _slopes(chain.points, left, right))
     pieces.sort(key=_start)
+    for piece in pieces:
+        if not all(map(isfinite, (*piece.evaluate(piece.start), *piece.evaluate(piece.end)))):
+            raise InvalidCamError(f"the values from {piece.start} to {piece.end} are too large")
     return Curve(pieces)
 
 

@@ -15,6 +15,10 @@ Values = tuple[float, float, float]
 _ITERATIONS = 64
 _SMALLEST = 1e-7
 """Share of a piece that is not looked at more closely: there the first derivative touches 0."""
+_MOST_LOOKS = 100_000
+"""Intervals that are looked at in one piece: beyond them a sine has more turning points than a machine
+follows.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +141,9 @@ class Polynomial(Piece):
             return found
         smallest = _SMALLEST * (self.end - self.start)
         pending = [(self.start, self.end)]
-        while pending:
+        looks = 0
+        while pending and looks < _MOST_LOOKS:
+            looks += 1
             low, high = pending.pop()
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
             _, slope, bend = self.evaluate(middle)

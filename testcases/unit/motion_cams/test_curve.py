@@ -311,6 +311,9 @@ def test_what_is_no_cam_is_refused(subtests):
         "backwards": (points((0, 1), (9, 1)), [segment(5, 4, 1)]),
         "no number": (points((1, nan), (2, 1)), []),
         "endless": ([], [segment(0, inf, 1)]),
+        "too steep": (points((0, 0), (1e-310, 1e12), (1, 1)), []),
+        "too large": ([], [segment(0, 1e12, 0, 0, 0, 0, 0, 0, 1e300)]),
+        "too fast": ([], [segment(0, 1e12, 0, sine=(1.0, 1e300, 0.0))]),
     }
     for name, (found, pieces) in bad.items():
         with subtests.test(name), pytest.raises(InvalidCamError):
@@ -364,6 +367,16 @@ def test_every_solution_in_a_segment_is_found(coefficients, amplitude, rate):
     found = [low for low, _ in Inverse(curve).solutions(y)]
     for x in changes:
         assert min(abs(one - x) for one in found) <= 2.0 / 1500 + 1e-9
+
+
+@pytest.mark.exhaustive
+def test_search_in_a_wild_sine_ends():
+    """More turning points than anybody can use; solutions that are found have the following value."""
+    curve = interpolate([], [segment(0, 1e6, 0, sine=(1.0, 1e9, 0.0))])
+    inverse = Inverse(curve)
+    for low, _ in inverse.solutions(0.5)[:50]:
+        assert abs(curve.evaluate(low)[0] - 0.5) <= 1e-6 or abs(curve.evaluate(low)[1]) >= 1e3
+    assert not inverse.reaches(1.5)
 
 
 @pytest.mark.requirement("CAM-102", "CAM-105")
