@@ -209,6 +209,12 @@ class _References:
         self._refer(f"{where}.drive", "drive", axis.drive)
         if axis.inputs is not None:
             self._refer(f"{where}.inputs", "station", axis.inputs)
+        for leader in axis.leading:
+            self._refer(f"{where}.leading", "axis", leader)
+            if leader == name:
+                raise ValueError(f"{where}.leading: {leader!r} is the axis itself")
+            if self._config.axis[leader].type == "speed":
+                raise ValueError(f"{where}.leading: {leader!r} is a speed axis, which has no position")
         for one in axis.encoders or ():
             if f"encoder.{one}" in self._mistakes.tables:
                 raise _OfWrongTable

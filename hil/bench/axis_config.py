@@ -133,6 +133,10 @@ class AxisTable(Table, frozen=True):
     `NAME.encoder2` for its second one in the telegram, or names of encoders; without the key the drive,
     with both of its encoders where telegram 6 or 106 carries them to an S7-1500T.
     """
+    leading: tuple[str, ...] = ()
+    """Axes whose setpoints this one may follow, by name; for `type = "synchronous"`. An axis that is not
+    named cannot lead it (alarm 601).
+    """
     connection: Literal["direct", "data_block"] = "direct"
     """`data_block`: a program of the test stands between telegram and axis ([Axes](axis-configuration.md));
     PROFIdrive only.
@@ -150,6 +154,10 @@ class AxisTable(Table, frozen=True):
     def _has_what_it_says(self) -> AxisTable:
         if self.type == "speed" and self.encoders is not None:
             raise ValueError("encoders: a speed axis has no encoder (CFG-174)")
+        if self.leading and self.type != "synchronous":
+            raise ValueError(
+                f'leading: only an axis of type = "synchronous" follows others, and this one is {self.type!r}'
+            )
         check_variables(OBJECTS[self.type], self.variables)
         return self
 

@@ -89,6 +89,12 @@ class ControlSystem:
         for name, section in config.axis.items():
             with errors.located(f"axis.{name}"):
                 self._add_axis(name, section)
+        for name, section in config.axis.items():
+            if section.leading and name in self.axes:
+                self.axes[name].object.leading_objects = tuple(
+                    self.axes[leader].object for leader in section.leading if leader in self.axes
+                )
+        runtime.order_axes()
         for name, external in config.external_encoder.items():
             with errors.located(f"external_encoder.{name}"):
                 self._add_external_encoder(name, external)

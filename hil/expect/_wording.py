@@ -12,6 +12,7 @@ from reports.text import capital, quantity
 _JOBS: Final = {
     "job.started": ("became busy", "did not become busy"),
     "job.active": ("took control", "did not take control"),
+    "job.synchronous": ("reached its leading value", "did not reach its leading value"),
     "job.in_velocity": ("reached its velocity", "did not reach its velocity"),
     "job.done": ("was done", "was not done"),
     "job.aborted": ("was aborted", "was not aborted"),

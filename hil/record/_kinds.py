@@ -87,6 +87,7 @@ EVENT_KINDS: Final = MappingProxyType(
         "job.active": "the job is in control",
         "job.done": "Done",
         "job.error": "Error",
+        "job.synchronous": "InGear comes",
         "job.in_velocity": "InVelocity comes",
         "job.leaves_velocity": "InVelocity goes",
         "job.started": "a job is accepted",

@@ -71,6 +71,7 @@ EVENT_DETAILS: Final[Mapping[str, tuple[str, ...]]] = {
     "job.active": _JOB,
     "job.done": _JOB,
     "job.error": _JOB,
+    "job.synchronous": _JOB,
     "job.in_velocity": _JOB,
     "job.leaves_velocity": _JOB,
     "job.started": _JOB,

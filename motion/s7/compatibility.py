@@ -67,7 +67,7 @@ LEVELS: Final = {
             "S7-1200 G2",
             "V8.0",
             encoders=1,
-            without=TECHNOLOGY_ONLY,
+            without=TECHNOLOGY_ONLY | {"MC_GearIn"},
             without_inputs=_BEFORE_V9,
             without_outputs={"MC_MoveAbsolute": ("Active",), "MC_MoveRelative": ("Active",)},
             without_parameters=frozenset({1020}),

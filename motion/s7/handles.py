@@ -11,6 +11,7 @@ from motion.s7.data_blocks import BitAddress
 from motion.s7.diagnostics import Diagnosis, diagnose, diagnose_encoder
 from motion.s7.instructions import (
     Instruction,
+    MC_GearIn,
     MC_Halt,
     MC_HaltSuperimposed,
     MC_Home,
@@ -281,6 +282,24 @@ class AxisHandle(_Handle[TechnologyAxis]):
         return self.run(
             MC_MoveJog(
                 self.object, JogForward=not backward, JogBackward=backward, Velocity=velocity, **inputs
+            )
+        )
+
+    def gear_in(
+        self, leader: AxisHandle | TechnologyAxis, numerator: int = 1, denominator: int = 1, **inputs: Any
+    ) -> MC_GearIn:
+        """Start `MC_GearIn` behind `leader`, which the bench file names as `leading`, with the ratio
+        `numerator` / `denominator`.
+        """
+        master = leader.object if isinstance(leader, AxisHandle) else leader
+        return self.run(
+            MC_GearIn(
+                self.object,
+                Execute=True,
+                Master=master,
+                RatioNumerator=numerator,
+                RatioDenominator=denominator,
+                **inputs,
             )
         )
 

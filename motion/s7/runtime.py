@@ -93,10 +93,32 @@ class Runtime:
         """Take an axis into the cycle."""
         axis.data_blocks = self.data_blocks
         self.axes.append(axis)
+        self._number(axis)
 
     def add_encoder(self, encoder: ExternalEncoder) -> None:
         """Take an external encoder into the cycle, before the axes."""
         self.encoders.append(encoder)
+        self._number(encoder)
+
+    def _number(self, one: TechnologyAxis | ExternalEncoder) -> None:
+        one.db_number = len(self.axes) + len(self.encoders)
+
+    def order_axes(self) -> None:
+        """Call leading axes before those that follow them, so that all of a chain use the values of one cycle
+        (SYN-015); to be called when the interconnections are known.
+        """
+        ordered: list[TechnologyAxis] = []
+
+        def take(axis: TechnologyAxis, above: tuple[TechnologyAxis, ...]) -> None:
+            if axis in ordered or axis in above:
+                return
+            for leader in axis.leading_objects:
+                take(leader, (*above, axis))
+            ordered.append(axis)
+
+        for axis in self.axes:
+            take(axis, ())
+        self.axes[:] = [axis for axis in ordered if axis in self.axes]
 
     def add_cam(self, cam: Cam) -> None:
         """Take a cam into the cycle, after the axes."""

@@ -290,6 +290,8 @@ class TechnologyAxis(TechnologyObject):
         self.leading_value: LeadingValue | None = None
         """What followers get, of an axis with positions."""
         self._leading: LeadingValue | None = None
+        self.leading_objects: tuple[TechnologyAxis, ...] = ()
+        """What a synchronous axis may follow: the interconnection of its leading values (SYN-014)."""
         self.apply_configuration()
         self._live = self._readers = live_variables(
             Shown(
@@ -302,6 +304,8 @@ class TechnologyAxis(TechnologyObject):
                 status_word2=self._status.word2,
                 execution_s=self.setpoint_execution_s,
                 leading_value=self._present_leading_value,
+                follows=self.object_type == "SynchronousAxis",
+                leader_number=self._leader_number,
             )
         )
         if self.has_position:
@@ -526,6 +530,20 @@ class TechnologyAxis(TechnologyObject):
             for sensor, prefix in zip(servo.sensors, prefixes, strict=False)
             if port is None and store.read(f"{prefix}.MountingMode") == MOTOR_SIDE
         )
+
+    @property
+    def leader(self) -> TechnologyAxis | None:
+        """The leading axis of the synchronous job in control; None without one."""
+        job = self.motion.synchronous_job
+        if job is None or job.coupling is None:
+            return None
+        servo = job.coupling.leading.leader
+        return next((one for one in self.leading_objects if one.servo is servo), None)
+
+    def _leader_number(self) -> int:
+        """Return `StatusSynchronizedMotion.ActualMaster` (SYN-036)."""
+        leader = self.leader
+        return 0 if leader is None else leader.db_number
 
     def _gives_leading_value(self) -> bool:
         """Return whether the axis may lead others: it is configured to provide its leading value."""
@@ -1044,7 +1062,9 @@ class PositioningAxis(TechnologyAxis):
 
 
 class SynchronousAxis(TechnologyAxis):
-    """Synchronous axis (`TO_SynchronousAxis`): does everything that a positioning axis does (CFG-015)."""
+    """Synchronous axis (`TO_SynchronousAxis`): does everything that a positioning axis does (CFG-015), and
+    follows a leading value (SYN-001).
+    """
 
     object_type = "SynchronousAxis"
     kinds: ClassVar[tuple[str, ...]] = ("SynchronousAxis", "PositioningAxis")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from motion.drives.port import ZSW1
 from motion.s7.axis.technology_object import Live, in_its_units, live_alarms, live_leading_value
@@ -13,10 +13,14 @@ if TYPE_CHECKING:
     from motion.kernel.feedback import Feedback
     from motion.kernel.leading_value import LeadingValue
     from motion.kernel.servo_axis import ServoAxis
+    from motion.kernel.synchronous import GearCoupling
     from motion.s7.alarms import AlarmEngine
     from motion.s7.axis.motion import MotionControl
     from motion.s7.axis.torque import TorqueControl
     from motion.s7.variables import VariableStore
+
+
+_ROUNDING: Final = 1.0 + 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +38,8 @@ class Shown:
         status_word2: Returns `StatusWord2`.
         execution_s: Returns `StatusPositioning.SetpointExecutionTime`, s.
         leading_value: Returns what followers get.
+        follows: Whether it is a synchronous axis.
+        leader_number: Returns the number of the data block of the leading object in use, 0 for none.
 
     """
 
@@ -46,6 +52,8 @@ class Shown:
     status_word2: Callable[[], int]
     execution_s: Callable[[], float]
     leading_value: Callable[[], LeadingValue]
+    follows: bool
+    leader_number: Callable[[], int]
 
 
 def live_variables(shown: Shown) -> Live:
@@ -73,6 +81,8 @@ def live_variables(shown: Shown) -> Live:
         live |= _position(shown)
         for number in range(1, len(servo.sensors) + 1):
             live |= _sensor(servo, number)
+    if shown.follows:
+        live |= _synchronous(shown)
     return in_its_units(live, shown.variables)
 
 
@@ -144,6 +154,47 @@ def _position(shown: Shown) -> Live:
             0.0 if servo.virtual else servo.modulo.wrap(servo.controller.balanced_position)
         ),
         "StatusServo.PositionAfterDynamicFilter": filtered,
+    }
+
+
+def _synchronous(shown: Shown) -> Live:
+    """Return `StatusSynchronizedMotion` (SYN-034 to SYN-046)."""
+    motion, read = shown.motion, shown.variables.bind
+    names = ("MaxVelocity", "MaxAcceleration", "MaxDeceleration")
+    velocity, acceleration, deceleration = (read(f"DynamicLimits.{name}") for name in names)
+
+    def exceeded() -> int:
+        if motion.synchronous_job is None:
+            return 0
+        gen = motion.gen
+        braking = gen.a * gen.v < 0.0
+        return int(
+            (abs(gen.v) > velocity.value * _ROUNDING)
+            | (not braking and abs(gen.a) > acceleration.value * _ROUNDING) << 1
+            | (braking and abs(gen.a) > deceleration.value * _ROUNDING) << 2
+        )
+
+    def coupling() -> GearCoupling | None:
+        job = motion.synchronous_job
+        return None if job is None else job.coupling
+
+    prefix = "StatusSynchronizedMotion."
+    return {
+        f"{prefix}FunctionState": lambda: int(motion.synchronous_job is not None),
+        f"{prefix}ActualMaster": shown.leader_number,
+        f"{prefix}StatusWord": exceeded,
+        f"{prefix}EffectiveLeadingValue.Position": lambda: (
+            0.0 if (one := coupling()) is None else one.leading.position
+        ),
+        f"{prefix}EffectiveLeadingValue.Velocity": lambda: (
+            0.0 if (one := coupling()) is None else one.leading.velocity
+        ),
+        f"{prefix}EffectiveLeadingValue.Acceleration": lambda: (
+            0.0 if (one := coupling()) is None else one.leading.acceleration
+        ),
+        f"{prefix}FunctionFollowingValue.Position": lambda: 0.0 if (one := coupling()) is None else one.s,
+        f"{prefix}FunctionFollowingValue.Velocity": lambda: 0.0 if (one := coupling()) is None else one.v,
+        f"{prefix}FunctionFollowingValue.Acceleration": lambda: 0.0 if (one := coupling()) is None else one.a,
     }
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from fieldbus.history import History
+    from motion.kernel.synchronous import GearCoupling
 
 NO_ERROR: Final = 0x0000
 ERROR_ALARM: Final = 0x8001
@@ -32,6 +33,10 @@ ERROR_CONTROL_PANEL: Final = 0x8012
 ERROR_JOB_MEMORY: Final = 0x8014
 ERROR_CONFIGURATION: Final = 0x8015
 ERROR_ACTUAL_VALUE: Final = 0x8016
+ERROR_NUMERATOR: Final = 0x8017
+ERROR_DENOMINATOR: Final = 0x8018
+ERROR_CIRCLE: Final = 0x8019
+"""The leading axis follows the following axis already (SYN-018)."""
 ERROR_LIMIT: Final = 0x8043
 ERROR_NO_TORQUE_REDUCTION: Final = 0x8044
 ERROR_POSITION_CONTROL: Final = 0x8045
@@ -92,7 +97,9 @@ class JobClass(IntEnum):
     """`MC_Home` with `Mode` 3 or 5 (H2)."""
     PASSIVE_HOMING = 8
     """`MC_Home` with `Mode` 2, 8 or 10 (H1); it waits while another job is in control."""
-    NONE = 9
+    GEAR_IN = 9
+    """`MC_GearIn` (S1)."""
+    NONE = 10
     """No motion: not in the table."""
 
 
@@ -107,6 +114,7 @@ class Job:
         "acceleration",
         "append",
         "begin",
+        "coupling",
         "current",
         "deceleration",
         "direction",
@@ -125,6 +133,7 @@ class Job:
         "released",
         "source",
         "state",
+        "synchronous",
         "target",
         "velocity",
     )
@@ -167,6 +176,10 @@ class Job:
         """Keep the velocity found at the start (`MC_MoveVelocity.Current`)."""
         self.released = False
         """Jog input gone: the job brakes to zero and then ends by itself."""
+        self.coupling: GearCoupling | None = None
+        """What a synchronous job makes of its leading value."""
+        self.synchronous = False
+        """The axis moves as its leading value says."""
         self.history: History | None = None
 
     @property
@@ -197,18 +210,23 @@ class Job:
             self.in_velocity = reached
             self._log("job.in_velocity" if reached else "job.leaves_velocity")
 
+    def set_synchronous(self) -> None:
+        """Show that the axis has reached its leading value."""
+        self.synchronous = True
+        self._log("job.synchronous")
+
     def finish(self) -> None:
         """End successfully."""
         if self.busy:
             self.state = JobState.DONE
-            self.in_velocity = False
+            self.in_velocity = self.synchronous = False
             self._log("job.done")
 
     def abort(self) -> None:
         """End because another job or the disabling took over."""
         if self.busy:
             self.state = JobState.ABORTED
-            self.in_velocity = False
+            self.in_velocity = self.synchronous = False
             self._log("job.aborted")
 
     def fail(self, error_id: int) -> None:
@@ -216,5 +234,5 @@ class Job:
         if self.busy:
             self.state = JobState.ERROR
             self.error_id = error_id
-            self.in_velocity = False
+            self.in_velocity = self.synchronous = False
             self._log("job.error")

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from motion.s7.axis.homing.direct import Homing
     from motion.s7.axis.state import AxisStates, DriveCommand
 
+ALARM_SYNCHRONISING: Final = 608
+"""The leading value has turned round before the axis had reached it (SYN-312)."""
 QUEUE_DEPTH: Final = 8
 """Waiting jobs per object (MC-265)."""
 
@@ -54,6 +56,7 @@ _STANDSTILL: Final = AxisState.STANDSTILL
 _STOP_HOLD: Final = AxisState.STOP_HOLD
 _ALARM_STANDSTILL: Final = AxisState.ALARM_STANDSTILL
 _MOTION_IN: Final = JobClass.MOTION_IN
+_GEAR_IN: Final = JobClass.GEAR_IN
 _SWITCHES_OFF: Final = (AxisState.ALARM_RAMP, AxisState.DISABLING_RAMP)
 """States after which the drive is switched off."""
 
@@ -215,6 +218,9 @@ class MotionControl:
 
     def _follow_in_motion(self, job: Job) -> None:
         gen = self.gen
+        if job.job_class is _GEAR_IN:
+            self._planned_limits = self._limits.of(job)
+            return
         changed = not gen.done and self._limits.of(job) != self._planned_limits
         cls = job.job_class
         if cls is JobClass.VELOCITY or (cls is JobClass.HOMING and not job.positions):
@@ -347,6 +353,32 @@ class MotionControl:
             gen.set_state(position + job.distance, velocity, job.acceleration)
             servo.controller.given = True
 
+    # -- setpoints from a leading value
+    # -------------------------------------------------------------------------------
+
+    def _follow_leading_value(self, job: Job, cycle_s: float) -> None:
+        """Make what the leading value asks for the setpoint; only the way there knows limits (SYN-103,
+        SYN-107).
+        """
+        coupling = job.coupling
+        assert coupling is not None  # every synchronous job has one
+        gen = self.gen
+        acceleration, deceleration, jerk = self._planned_limits
+        coupling.step(cycle_s, self._limits.max_velocity.value, acceleration, deceleration, jerk)
+        if coupling.reversed:
+            self._alarms.raise_alarm(ALARM_SYNCHRONISING)
+            gen.advance(cycle_s)
+            return
+        gen.set_state(coupling.s, coupling.v, coupling.a)
+        if coupling.synchronous and not job.synchronous:
+            job.set_synchronous()
+
+    @property
+    def synchronous_job(self) -> Job | None:
+        """The synchronous job in control, or None."""
+        job = self.job
+        return job if job is not None and job.job_class is _GEAR_IN else None
+
     @property
     def motion_in_state(self) -> int:
         """`StatusMotionIn.FunctionState`: 0 none, 1 velocity, 2 position (MIN-011)."""
@@ -355,9 +387,11 @@ class MotionControl:
 
     @property
     def given(self) -> bool:
-        """Whether setpoints come from the user program, basic or superimposed ones."""
+        """Whether setpoints come from the user program, basic or superimposed, or from a leading value."""
         job, moving = self.job, self._servo.superimposed
-        return (job is not None and job.job_class is _MOTION_IN) or (moving is not None and moving.given)
+        return (job is not None and job.job_class in (_MOTION_IN, _GEAR_IN)) or (
+            moving is not None and moving.given
+        )
 
     @property
     def motion_in_exceeds(self) -> bool:
@@ -371,6 +405,8 @@ class MotionControl:
         job = self.job
         if job is None or self._states.state is not AxisState.MOTION:
             return 0.0
+        if job.coupling is not None:
+            return self.gen.v
         velocity = self._planned_velocity
         return copysign(velocity, job.target - self.gen.s) if job.positions else velocity
 
@@ -386,11 +422,17 @@ class MotionControl:
         """Let setpoints and a relative target follow a shift of the coordinate system."""
         servo = self._servo
         self.gen.shift(offset)
+        self._shift_coupling(offset)
         if servo.fine is not None:
             servo.fine.shift(offset)
         if servo.superimposed is not None:
             servo.superimposed.refresh()
         servo.controller.shift(offset)
+
+    def _shift_coupling(self, offset: float) -> None:
+        job = self.job
+        if job is not None and job.coupling is not None:
+            job.coupling.shift(offset)
 
     def shift_target(self, offset: float) -> None:
         """Let the target of a relative positioning follow a shift of the
@@ -404,6 +446,7 @@ class MotionControl:
     def shift(self, offset: float) -> None:
         """Move the setpoint of the basic motion, and the target of its job, by `offset`, axis unit."""
         self.gen.shift(offset)
+        self._shift_coupling(offset)
         job = self.job
         if job is not None and job.job_class is not _MOTION_IN:
             job.target += offset
@@ -640,7 +683,12 @@ class MotionControl:
             return
         if self._limits.are_zero():
             return
-        if cls is JobClass.POSITIONING:
+        if job.coupling is not None:
+            self._limits.velocity_limited = False
+            self._plan_limits(job, gen.v)
+            job.coupling.begin(gen.s, gen.v, gen.a)
+            self._states.enter(AxisState.MOTION)
+        elif cls is JobClass.POSITIONING:
             if job.relative:
                 job.target = gen.s + job.distance
             elif job.direction:
@@ -695,7 +743,11 @@ class MotionControl:
     def replan(self) -> None:
         """Take changed values of the job in control over (jog inputs, shifted coordinates)."""
         job = self.job
-        if job is None or self._states.state is not AxisState.MOTION or job.job_class is _MOTION_IN:
+        if (
+            job is None
+            or self._states.state is not AxisState.MOTION
+            or job.job_class in (_MOTION_IN, _GEAR_IN)
+        ):
             return
         self._leave_target()
         if job.positions:
@@ -727,6 +779,8 @@ class MotionControl:
         gen = self.gen
         if job is not None and job.job_class is _MOTION_IN and self._states.state is _MOTION:
             self.take_vector(job, cycle_s)
+        elif job is not None and job.coupling is not None and self._states.state is _MOTION:
+            self._follow_leading_value(job, cycle_s)
         else:
             gen.advance(cycle_s)
         moving = servo.superimposed
@@ -749,7 +803,7 @@ class MotionControl:
             elif self.job is None:
                 return
         job = self.job
-        if job is not None and job.job_class is _MOTION_IN:
+        if job is not None and (job.job_class is _MOTION_IN or job.coupling is not None):
             return
         if not gen.done:
             if job is not None and job.in_velocity:

@@ -46,6 +46,8 @@ SW_LIMIT_MIN: Final = 1 << 15
 SW_LIMIT_MAX: Final = 1 << 16
 HW_LIMIT_MIN: Final = 1 << 17
 HW_LIMIT_MAX: Final = 1 << 18
+SYNCHRONIZING: Final = 1 << 21
+SYNCHRONOUS: Final = 1 << 22
 MOVE_SUPERIMPOSED: Final = 1 << 23
 AXIS_SIMULATION: Final = 1 << 25
 TORQUE_LIMITING_COMMAND: Final = 1 << 26
@@ -125,6 +127,8 @@ class StatusWords:
                 word |= JOG_COMMAND if job.instruction == "MC_MoveJog" else VELOCITY_COMMAND
             elif cls is _MOTION_IN:
                 word |= MOTION_IN
+            elif job.coupling is not None:
+                word |= SYNCHRONOUS if job.synchronous else SYNCHRONIZING
         if facts.controlled and not self._command.switching_off:
             gen = servo.total
             acceleration = gen.a

@@ -216,6 +216,10 @@ class TechnologyObject(ABC):
         """Active and passive homing under way (StatusWord.X11)."""
         self.master: object | None = None
         """The control panel that has the object; None = the user program (`StatusWord.X4`)."""
+        self.db_number = 0
+        """Number of its data block, from 1 on in the order in which the controller has got its axes and
+        encoders; 0 outside of a controller.
+        """
         self.power_owner: object | None = None
         """The `MC_Power` instance that rules this object (MC-160)."""
         self._resets: list[Reset] = []

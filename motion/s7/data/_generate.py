@@ -32,6 +32,46 @@ def _bit(text: str | None) -> tuple[int | None, str]:
     return int(found[1]), found[2]
 
 
+_POSITION_RANGE: Final = (-1e12, 1e12)
+_SYNCHRONOUS: Final = (
+    ("FunctionState", "DINT", "", "Synchronous function: 0 none, 1 MC_GearIn."),
+    (
+        "ActualMaster",
+        "DB_ANY",
+        "",
+        "Number of the data block of the leading object in use; 0 without synchronous operation.",
+    ),
+    *(
+        (f"{part}.{quantity}", "LREAL", quantity.lower(), f"{meaning}: {quantity.lower()}.")
+        for part, meaning in (
+            ("EffectiveLeadingValue", "Effective leading value"),
+            ("FunctionFollowingValue", "Following value of the synchronous function"),
+        )
+        for quantity in ("Position", "Velocity", "Acceleration")
+    ),
+)
+"""Variables of `StatusSynchronizedMotion` that the catalogue of axis functions does not have (SYN-034 to
+SYN-041): name, data type, kind of unit, meaning.
+"""
+
+
+def _synchronous_rows() -> list[list[Any]]:
+    return [
+        [
+            f"StatusSynchronizedMotion.{name}",
+            data_type,
+            "RON",
+            unit,
+            *((0.0, *_POSITION_RANGE) if data_type == "LREAL" else (0, None, None)),
+        ]
+        for name, data_type, unit, _ in _SYNCHRONOUS
+    ]
+
+
+def _synchronous_texts() -> list[list[Any]]:
+    return [[f"StatusSynchronizedMotion.{name}", text] for name, _, _, text in _SYNCHRONOUS]
+
+
 def _variable(entry: dict[str, Any]) -> list[Any]:
     """Return path, data type, access, unit, initial value, minimum, maximum and,
     where there is more, the rest.
@@ -74,7 +114,7 @@ def _texts(entry: dict[str, Any]) -> list[Any]:
 
 def variable_texts(source: dict[str, Any]) -> dict[str, Any]:
     """Return the content of `variable_texts.json`."""
-    return {
+    texts = {
         name: [
             _texts(variable)
             for section in entry["sections"]
@@ -83,6 +123,8 @@ def variable_texts(source: dict[str, Any]) -> dict[str, Any]:
         ]
         for name, entry in source["objects"].items()
     }
+    texts["SynchronousAxis"] += _synchronous_texts()
+    return texts
 
 
 _ADDRESS_PARTS: Final = {
@@ -118,6 +160,8 @@ def variables(source: dict[str, Any]) -> dict[str, Any]:
             if variable["kind"] != "struct"
             for row in _rows(variable)
         ]
+        if name == "SynchronousAxis":
+            rows += _synchronous_rows()
         objects[name] = {"inherits": entry["inherits"], "variables": rows}
     parameters = [
         {

@@ -395,6 +395,9 @@ ELSEWHERE = {
     552: "testcases/unit/motion_axis/test_adaption.py",
     401: "testcases/unit/hil/test_bench_io.py",
     542: "testcases/unit/hil/test_torque_instructions.py",
+    601: "testcases/unit/motion_axis/test_gear_in.py",
+    603: "testcases/unit/motion_axis/test_gear_in.py",
+    608: "testcases/unit/motion_axis/test_gear_in.py",
 }
 """Alarms that need a drive with parameters, a station or a stop in the way, and where they are brought about.
 """

@@ -6,7 +6,8 @@ import pytest
 
 from fieldbus.clock import S
 from motion.drives.simulated import SimulatedDrivePort
-from motion.s7.axis import PositioningAxis, SpeedAxis
+from motion.s7.axis import PositioningAxis, SpeedAxis, SynchronousAxis
+from motion.s7.handles import AxisHandle
 from testcases.rigs import ControllerRig
 
 CYCLE = 0.004
@@ -83,10 +84,12 @@ class Rig(ControllerRig):
         cycle_ns: int = 4_000_000,
         ratio: int = 1,
         cpu: str = "S7-1500T",
+        synchronous: bool = False,
+        leader_variables: dict | None = None,
     ) -> None:
         super().__init__(cycle_ns=cycle_ns)
         self.port = port or SimulatedDrivePort(cycle_s=cycle_ns / S, zero_marks=[ZERO_MARK])
-        kind = SpeedAxis if speed else PositioningAxis
+        kind = SynchronousAxis if synchronous else SpeedAxis if speed else PositioningAxis
         start = (SPEED if speed else REFERENCE) | (variables or {})
         axis = kind(
             "axis1",
@@ -100,10 +103,36 @@ class Rig(ControllerRig):
             cpu=cpu,
         )
         self.control_axis(axis, interpolator_ns=ratio * cycle_ns)
+        if synchronous:
+            leader = PositioningAxis(
+                "leader",
+                SimulatedDrivePort(cycle_s=cycle_ns / S),
+                cycle_ns=cycle_ns,
+                variables=REFERENCE | {"VirtualAxis.Mode": 1} | (leader_variables or {}),
+                history=self.history,
+                interpolator_ns=ratio * cycle_ns,
+                cpu=cpu,
+            )
+            self.runtime.add(leader)
+            self.leader = AxisHandle(self.runtime, leader)
+            axis.leading_objects = (leader,)
+            self.runtime.order_axes()
         self.rows: list[tuple[float, ...]] = []
         self.names = [name for name, _ in axis.trace_columns]
         self.runtime.after_cycle.append(lambda: self.rows.append((self.scheduler.now / S, *axis.trace_row())))
         self.runtime.start()
+
+    def leader_at(self, velocity: float) -> None:
+        """Let the enabled leading axis move with a constant velocity."""
+        if not self.leader.object.states.facts.enabled:
+            self.leader_power = self.leader.power()
+            self.until(self.leader_power.status)
+        if velocity:
+            self.until(self.leader.move_velocity(velocity).in_velocity)
+
+    def alarms_of(self, name: str) -> list[int]:
+        """Numbers of the alarms that an object has raised so far."""
+        return [event.data["number"] for event in self.events("alarm.raised") if event.source == name]
 
     def feed(self, instance, vectors) -> None:
         """Hand one set of inputs per application cycle to `instance`, before it is called."""
@@ -119,8 +148,8 @@ class Rig(ControllerRig):
         return [row[0] for row in self.rows]
 
     def enabled(self, *, start_mode: int = 1) -> Rig:
-        power = self.axis.power(start_mode=start_mode)
-        self.until(power.status)
+        self.power = self.axis.power(start_mode=start_mode)
+        self.until(self.power.status)
         return self
 
     def travelling(self, velocity: float = 300.0, **inputs) -> Rig:

@@ -33,6 +33,11 @@ def _motion_in_position(rig: Rig) -> Any:
     return rig.axis.motion_in_position(rig.axis.var("Position"))
 
 
+def _gear_in(rig: Rig) -> Any:
+    rig.leader_at(60.0)
+    return rig.axis.gear_in(rig.leader, 3, 2)
+
+
 NEW: dict[str, Start] = {
     "MC_Home Mode 2": Start(lambda rig: rig.axis.home(5.0, mode=2), "busy"),
     "MC_Home Mode 3": Start(lambda rig: rig.axis.home(5.0, mode=3), "busy"),
@@ -51,6 +56,7 @@ NEW: dict[str, Start] = {
     "MC_Stop": Start(lambda rig: rig.axis.stop(0), "Done"),
     "MC_MoveSuperimposed": Start(lambda rig: rig.axis.move_superimposed(20.0), "Done"),
     "MC_HaltSuperimposed": Start(lambda rig: rig.axis.halt_superimposed(Deceleration=100.0), "Done"),
+    "MC_GearIn": Start(_gear_in, "InGear"),
     "MC_MotionInVelocity": Start(lambda rig: rig.axis.motion_in_velocity(rig.axis.var("Velocity")), "busy"),
     "MC_MotionInPosition": Start(_motion_in_position, "busy"),
     "MC_MotionInSuperimposed": Start(lambda rig: rig.axis.motion_in_superimposed(0.0), "busy"),
@@ -103,6 +109,7 @@ ACTIVE: dict[str, Make] = {
     "MC_Stop": _braking(lambda rig: rig.axis.stop(3, Deceleration=50.0)),
     "MC_MoveSuperimposed": lambda rig: rig.axis.move_superimposed(300.0),
     "MC_HaltSuperimposed": _halts_superimposed,
+    "MC_GearIn": _gear_in,
     "MC_MotionInVelocity": lambda rig: rig.axis.motion_in_velocity(20.0),
     "MC_MotionInPosition": _motion_in_position,
     "MC_MotionInSuperimposed": lambda rig: rig.axis.motion_in_superimposed(0.0),

@@ -179,6 +179,9 @@ TABLE: list[tuple[int, str, Provoke, bool, dict[str, Any], type[TorquePort] | No
     (0x8FFF, "MC-628", call("write_parameter", 1020, 2), True, {}, None),
 ]
 ELSEWHERE = {
+    0x8017: "testcases/unit/motion_axis/test_gear_in.py",
+    0x8018: "testcases/unit/motion_axis/test_gear_in.py",
+    0x8019: "testcases/unit/motion_axis/test_gear_in.py",
     0x8012: "testcases/unit/motion_axis/test_control_panel.py",
     0x8013: "testcases/unit/motion_axis/test_control_panel.py",
     0x8046: "testcases/unit/hil/test_torque_instructions.py",

@@ -107,6 +107,13 @@ INPUTS = [
     ("MC_TorqueLimiting", "MC-543", "Enable", False),
     ("MC_TorqueLimiting", "MC-544", "Limit", -1.0),
     ("MC_TorqueLimiting", "MC-545", "Mode", 0),
+    ("MC_GearIn", "SYN-136", "Execute", False),
+    ("MC_GearIn", "SYN-135", "Master", None),
+    ("MC_GearIn", "SYN-137", "RatioNumerator", 1),
+    ("MC_GearIn", "SYN-138", "RatioDenominator", 1),
+    ("MC_GearIn", "SYN-139", "Acceleration", -1.0),
+    ("MC_GearIn", "SYN-139", "Deceleration", -1.0),
+    ("MC_GearIn", "SYN-139", "Jerk", -1.0),
 ]
 
 # instruction, identifiers, outputs other than Error and ErrorID, which all have
@@ -134,6 +141,7 @@ OUTPUTS = {
     "MC_TorqueAdditive": (["MC-516"], ["Busy"]),
     "MC_TorqueRange": (["MC-527"], ["Busy"]),
     "MC_TorqueLimiting": (["MC-546", "MC-547", "MC-548"], ["InClamping", "InLimitation", "Busy"]),
+    "MC_GearIn": (["SYN-141"], ["InGear", "Busy", "CommandAborted"]),
 }
 
 

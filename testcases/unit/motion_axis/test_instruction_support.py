@@ -35,6 +35,7 @@ SUPPORT = [
     (("CFG-055", "MC-048", "MC-482"), "MC_MotionInVelocity", "SP"),
     (("CFG-056", "MC-049", "MC-492"), "MC_MotionInPosition", "P"),
     (("CFG-057", "MC-049", "MC-502"), "MC_MotionInSuperimposed", "P"),
+    (("SYN-007", "SYN-016"), "MC_GearIn", "Y"),
 ]
 START = {
     "MC_Power": "Enable",
@@ -72,6 +73,10 @@ def test_objects(name, objects):
                 kind(axis)
             continue
         instance = kind(axis)
+        if "Master" in kind.inputs:
+            instance.set(
+                Master=PositioningAxis("leader", SimulatedDrivePort(cycle_s=0.001), cycle_ns=1_000_000)
+            )
         word = axis.var("StatusWord")
         instance(**{START.get(name, "Execute"): True})
         assert (instance.ErrorID == 0x8002) is (letter not in objects), (name, letter, hex(instance.ErrorID))

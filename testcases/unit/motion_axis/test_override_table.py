@@ -9,21 +9,22 @@ from itertools import pairwise
 import pytest
 
 import motion.s7.instructions as instructions
-from motion.s7.axis.override import COLUMNS, MOTION, TABLE, TABLES, UNDER_INTERPRETER
+from motion.s7.axis.override import COLUMNS, TABLE, TABLES, UNDER_INTERPRETER
 from testcases.catalogue import each, requirements_in
 from testcases.unit.motion_axis.conftest import Rig
 from testcases.unit.motion_axis.override_cells import ACTIVE, NEW, PAGE, cells, exists, missing, page
 
 PRINTED = """
-MC_Home 3, 5   A A A A A - A A
-MC_Home 9      A - - - - - - -
-MC_Halt 1      - A A A - - - A
-move           - A A A A - A A
-BufferMode 1   - - - - - - - -
-superimposed   - - - - - - A -
-MC_Stop        A A A A A B A A
+MC_Home 3, 5   A A A A A - A A A
+MC_Home 9      A - - - - - - - -
+MC_Halt 1      - A A A - - - A A
+move           - A A A A - A A A
+BufferMode 1   - - - - - - - - -
+superimposed   - - - - - - A - -
+MC_Stop        A A A A A B A A A
+MC_GearIn      - A A A A - A A A
 """
-"""Table 3.1, rows OVR-011 to OVR-017, as printed."""
+"""Table 3.1, rows OVR-011 to OVR-018, as printed, and behind them the first column of 3.2."""
 
 TESTABLE = [cell for cell in cells() if not missing(cell)]
 
@@ -35,7 +36,7 @@ def test_the_table_is_the_printed_one():
         name, letters = line[:14].strip(), line[14:].split()
         printed[name] = "".join(letters)
     assert printed == TABLE
-    assert len(COLUMNS) == 8
+    assert len(COLUMNS) == 9
 
 
 @pytest.mark.requirement("OVR-117", "OVR-118")
@@ -205,7 +206,8 @@ def test_cell(subtests):
     """
     for label, values in each(CELL_CASES):
         with subtests.test(label):
-            check_cell(Rig(), *values)
+            (cell,) = values
+            check_cell(Rig(synchronous="MC_GearIn" in (cell.new, cell.active)), cell)
 
 
 @pytest.mark.requirement("OVR-002", "OVR-017", "OVR-105", "MC-419", "G2-024")
@@ -230,7 +232,7 @@ def test_stop_over_stop(rig, first, second):
 
 
 def check_homing_without_motion_over_anything(rig, mode, active):
-    cell = next(cell for cell in MOTION.cells() if cell.active == active)
+    cell = next(cell for cell in cells() if cell.active == active)
     old = running(rig, cell)
     job = rig.axis.home(1.0, mode=mode)
     rig.cycles(2)
@@ -245,7 +247,7 @@ def test_homing_without_motion_over_anything(subtests):
     """Modes that set the position are Done at once, and abort nothing."""
     for label, values in each([0, 1, 11, 12], [name for name in ACTIVE if exists(name)]):
         with subtests.test(label):
-            check_homing_without_motion_over_anything(Rig(), *values)
+            check_homing_without_motion_over_anything(Rig(synchronous=values[1] == "MC_GearIn"), *values)
 
 
 @pytest.mark.requirement("OVR-009", "MC-268")

@@ -71,9 +71,18 @@ def start_of(kind):
     return START.get(kind.__name__, "Enable" if "Enable" in kind.inputs else "Execute")
 
 
-def moving():
+def needs(name, rig):
+    """Inputs that an instruction has to have for another one to be looked at."""
+    return {"Master": rig.leader.object} if name == "MC_GearIn" else NEEDS.get(name, {})
+
+
+def moving(name=""):
     """Return a homed axis on a drive with every ability, that moves at constant velocity, and its job."""
-    rig = Rig(port=TorquePort(), variables={"Actor.DriveParameter.ReferenceTorque": 4.0}).enabled()
+    rig = Rig(
+        port=TorquePort(),
+        variables={"Actor.DriveParameter.ReferenceTorque": 4.0},
+        synchronous=name == "MC_GearIn",
+    ).enabled()
     rig.until(rig.axis.home(0.0).done)
     job = rig.axis.move_velocity(50.0)
     rig.until(job.in_velocity)
@@ -81,9 +90,9 @@ def moving():
 
 
 def check_what_is_no_value(name, key, value):
-    rig, running = moving()
+    rig, running = moving(name)
     kind = getattr(instructions, name)
-    one = rig.axis.run(kind(rig.axis.object, **NEEDS.get(name, {})))
+    one = rig.axis.run(kind(rig.axis.object, **needs(name, rig)))
     one.set(**{key: value, start_of(kind): True})
     rig.cycles(3)
     assert (one.Error, one.ErrorID, one.Busy) == (True, ERRORS[key], False)
@@ -105,9 +114,9 @@ def test_what_is_no_value(subtests):
 
 
 def check_zero(name, key):
-    rig, running = moving()
+    rig, running = moving(name)
     kind = getattr(instructions, name)
-    one = rig.axis.run(kind(rig.axis.object, **NEEDS.get(name, {})))
+    one = rig.axis.run(kind(rig.axis.object, **needs(name, rig)))
     one.set(**{key: 0.0, start_of(kind): True})
     rig.cycles(2)
     given = name in VELOCITY_AS_AIM

@@ -1,0 +1,119 @@
+"""Relative gearing: the velocities are brought together, from then on the positions keep their relation."""
+
+from __future__ import annotations
+
+from math import copysign
+from typing import TYPE_CHECKING, Final
+
+from motion.setpoint import SetpointGenerator
+
+if TYPE_CHECKING:
+    from motion.kernel.synchronous.leading import LeadingMotion
+
+_LEAST_SHARE: Final = 1e-6
+"""Part of the permitted acceleration that is left where the leading axis needs all of it."""
+
+
+class GearCoupling:
+    """A following axis with a gear ratio to its leading value.
+
+    The following axis takes over velocity and acceleration of the leading value, times the ratio, with the
+    dynamic values of its job (SYN-145). From that cycle on its position is `y_a + N * (x - x_a) / D`. It is
+    evaluated from the point where both came together and never summed up (SYN-118, SYN-119).
+
+    Args:
+        leading: Leading value; `step` calls its `step`.
+        numerator: N, not 0; below 0 the axis moves the other way.
+        denominator: D, above 0.
+
+    """
+
+    def __init__(self, leading: LeadingMotion, numerator: int, denominator: int) -> None:
+        self.leading = leading
+        self._numerator = numerator
+        self._denominator = denominator
+        self._ratio = numerator / denominator
+        self._approach = SetpointGenerator()
+        self._x = 0.0
+        self._y = 0.0
+        self._direction = 0.0
+        self.synchronous = False
+        """Whether the axis has reached its leading value."""
+        self.reversed = False
+        """Whether the leading value has turned round before the axis had reached it (SYN-127)."""
+        self.s = 0.0
+        """Position of the following axis, its position unit."""
+        self.v = 0.0
+        """Its velocity, position unit per second."""
+        self.a = 0.0
+        """Its acceleration, position unit per second squared."""
+
+    def begin(self, s: float, v: float, a: float) -> None:
+        """Start from the present setpoints of the following axis."""
+        self.s, self.v, self.a = s, v, a
+
+    def shift(self, offset: float) -> None:
+        """Follow a shift of the coordinate system of the following axis, position unit."""
+        self.s += offset
+        self._y += offset
+
+    def step(
+        self, cycle_s: float, maximum: float, acceleration: float, deceleration: float, jerk: float
+    ) -> None:
+        """Go on by one cycle.
+
+        Args:
+            cycle_s: Cycle, s.
+            maximum: Highest velocity while synchronising, position unit per second, above 0.
+            acceleration: Highest acceleration while synchronising, position unit per second squared, above 0.
+            deceleration: Highest deceleration while synchronising, above 0.
+            jerk: Highest jerk while synchronising, position unit per second cubed; 0 for none.
+
+        """
+        leading = self.leading
+        leading.step()
+        if not self.synchronous:
+            increment = leading.increment
+            if increment * self._direction < 0.0:
+                self.reversed = True
+                return
+            if increment:
+                self._direction = copysign(1.0, increment)
+            self._synchronise(cycle_s, maximum, acceleration, deceleration, jerk)
+            return
+        self.s = self._y + self._numerator * (leading.position - self._x) / self._denominator
+        self.v = self._ratio * leading.velocity
+        self.a = self._ratio * leading.acceleration
+
+    def _synchronise(
+        self, cycle_s: float, maximum: float, acceleration: float, deceleration: float, jerk: float
+    ) -> None:
+        leading, approach = self.leading, self._approach
+        velocity = self._ratio * leading.velocity
+        growth = self._ratio * leading.acceleration
+        if abs(velocity) > maximum:
+            # The axis waits at its own limit until the leading value is slow enough (SYN-146).
+            velocity, growth, reachable = copysign(maximum, velocity), 0.0, False
+        else:
+            reachable = True
+        # Relative to the leading value, which is a straight line in this cycle, the axis comes to rest.
+        before = velocity - growth * cycle_s
+        missing = before - self.v
+        if growth == 0.0:
+            # The whole change at once: it may lead through zero, from one limit to the other.
+            approach.set_state(0.0, self.v, self.a)
+            approach.start_velocity(velocity, acceleration, deceleration, jerk)
+            approach.advance(cycle_s)
+            self.s += approach.s
+            self.v, self.a = approach.v, approach.a
+        else:
+            limit = acceleration if missing * self.v >= 0.0 else deceleration
+            own = max(limit - copysign(1.0, missing) * growth, _LEAST_SHARE * limit)
+            approach.set_state(0.0, -missing, self.a - growth)
+            approach.start_velocity(0.0, own, own, jerk)
+            approach.advance(cycle_s)
+            self.s += approach.s + cycle_s * (before + 0.5 * growth * cycle_s)
+            self.v, self.a = approach.v + velocity, approach.a + growth
+        if approach.done and reachable:
+            self.synchronous = True
+            self._x, self._y = leading.position, self.s
