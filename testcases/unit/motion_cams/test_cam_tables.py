@@ -117,3 +117,40 @@ def test_other_controllers_have_no_cams():
         parse(text, "bench.toml")
     with pytest.raises(BenchFileError, match="has this name already"):
         parse(BENCH.replace("[cam.knife]", "[cam.x]"), "bench.toml")
+
+
+@pytest.mark.exhaustive
+@pytest.mark.requirement("CAM-052", "CAM-054", "CAM-067", "CAM-078", "CAM-101")
+def test_jobs_of_axes_and_of_cams_leave_each_other_alone():
+    """A long interpolation, and reading and copying, while an axis moves, is halted and stopped: nothing is
+    aborted by the other side, and the axis is not late.
+    """
+    rows = "".join(f"[{x}.0, {x % 7}.0]," for x in range(6000))
+    text = BENCH.replace("[cam.knife]", f'[cam.knife]\nkind = "TO_Cam_10k"\npoints = [{rows}]')
+    with Bench(parse(text, "bench.toml"), seed=1) as bench:
+        axis, cam = bench.axis("x"), bench.cam("knife")
+        power = axis.power()
+        bench.run_until(lambda: power.Status, timeout=1.0)
+        first = cam.interpolate()
+        move = axis.move_velocity(20.0)
+        bench.run_for(0.02)
+        assert (first.Busy, move.Busy, move.CommandAborted) == (True, True, False)
+        bench.run_until(first.done, timeout=1.0)
+        bench.run_until(lambda: move.InVelocity, timeout=2.0)
+        start, begun = axis.var("Position"), bench.now_s
+        jobs = [
+            cam.leading_value(3.0, 100.0),
+            cam.following_value(5.0),
+            cam.copy([(1.0, 1.0)] * 5000, Mode=1),
+        ]
+        bench.run_for(0.008)
+        assert not move.CommandAborted
+        assert axis.var("Position") - start == pytest.approx(20.0 * (bench.now_s - begun), abs=1e-9)
+        halt = axis.halt()
+        bench.run_until(lambda: not any(job.Busy for job in jobs), timeout=1.0)
+        assert [(job.Done, job.CommandAborted) for job in jobs] == [(True, False)] * 3
+        again = cam.interpolate()
+        bench.run_for(0.008)
+        stop = axis.stop(mode=3)
+        bench.run_until(again.done, timeout=1.0)
+        assert (again.Done, halt.Error, stop.Error) == (True, False, False)
