@@ -12,6 +12,7 @@ from motion.s7.diagnostics import Diagnosis, diagnose, diagnose_encoder
 from motion.s7.instructions import (
     Instruction,
     MC_GearIn,
+    MC_GearInVelocity,
     MC_Halt,
     MC_HaltSuperimposed,
     MC_Home,
@@ -294,6 +295,24 @@ class AxisHandle(_Handle[TechnologyAxis]):
         master = leader.object if isinstance(leader, AxisHandle) else leader
         return self.run(
             MC_GearIn(
+                self.object,
+                Execute=True,
+                Master=master,
+                RatioNumerator=numerator,
+                RatioDenominator=denominator,
+                **inputs,
+            )
+        )
+
+    def gear_in_velocity(
+        self, leader: AxisHandle | TechnologyAxis, numerator: int = 1, denominator: int = 1, **inputs: Any
+    ) -> MC_GearInVelocity:
+        """Start `MC_GearInVelocity` behind `leader`, as `gear_in` does; change the ratio with
+        `ContinuousUpdate=True` and `instance.set(RatioNumerator=...)`.
+        """
+        master = leader.object if isinstance(leader, AxisHandle) else leader
+        return self.run(
+            MC_GearInVelocity(
                 self.object,
                 Execute=True,
                 Master=master,

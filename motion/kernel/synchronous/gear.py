@@ -1,4 +1,6 @@
-"""Relative gearing: the velocities are brought together, from then on the positions keep their relation."""
+"""Relative and velocity gearing: the velocities are brought together; from then on the positions keep their
+relation, or the velocities alone.
+"""
 
 from __future__ import annotations
 
@@ -25,11 +27,16 @@ class GearCoupling:
         leading: Leading value; `step` calls its `step`.
         numerator: N, not 0; below 0 the axis moves the other way.
         denominator: D, above 0.
+        by_velocity: The velocities alone keep the relation: positions are not compared, and the leading value
+            may turn round at any time (SYN-169, SYN-410, SYN-421).
 
     """
 
-    def __init__(self, leading: LeadingMotion, numerator: int, denominator: int) -> None:
+    def __init__(
+        self, leading: LeadingMotion, numerator: int, denominator: int, *, by_velocity: bool = False
+    ) -> None:
         self.leading = leading
+        self.by_velocity = by_velocity
         self._numerator = numerator
         self._denominator = denominator
         self._ratio = numerator / denominator
@@ -52,6 +59,10 @@ class GearCoupling:
         """Start from the present setpoints of the following axis."""
         self.s, self.v, self.a = s, v, a
 
+    def change_ratio(self, numerator: int, denominator: int) -> None:
+        """Use another ratio from the next cycle on; for a coupling of velocities (SYN-170)."""
+        self._ratio = numerator / denominator
+
     def shift(self, offset: float) -> None:
         """Follow a shift of the coordinate system of the following axis, position unit."""
         self.s += offset
@@ -64,7 +75,7 @@ class GearCoupling:
 
         Args:
             cycle_s: Cycle, s.
-            maximum: Highest velocity while synchronising, position unit per second, above 0.
+            maximum: Highest velocity while synchronising, position unit per second; infinite for none.
             acceleration: Highest acceleration while synchronising, position unit per second squared, above 0.
             deceleration: Highest deceleration while synchronising, above 0.
             jerk: Highest jerk while synchronising, position unit per second cubed; 0 for none.
@@ -74,15 +85,19 @@ class GearCoupling:
         leading.step()
         if not self.synchronous:
             increment = leading.increment
-            if increment * self._direction < 0.0:
+            if increment * self._direction < 0.0 and not self.by_velocity:
                 self.reversed = True
                 return
             if increment:
                 self._direction = copysign(1.0, increment)
             self._synchronise(cycle_s, maximum, acceleration, deceleration, jerk)
             return
-        self.s = self._y + self._numerator * (leading.position - self._x) / self._denominator
+        before = self.v
         self.v = self._ratio * leading.velocity
+        if self.by_velocity:
+            self.s += 0.5 * (before + self.v) * cycle_s
+        else:
+            self.s = self._y + self._numerator * (leading.position - self._x) / self._denominator
         self.a = self._ratio * leading.acceleration
 
     def _synchronise(

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from motion.s7.variables import VariableStore
 
 
+RELATIVE_GEARING: Final = 1
+VELOCITY_GEARING: Final = 6
+"""`StatusSynchronizedMotion.FunctionState` (SYN-034)."""
 _ROUNDING: Final = 1.0 + 1e-9
 
 
@@ -180,7 +183,9 @@ def _synchronous(shown: Shown) -> Live:
 
     prefix = "StatusSynchronizedMotion."
     return {
-        f"{prefix}FunctionState": lambda: int(motion.synchronous_job is not None),
+        f"{prefix}FunctionState": lambda: (
+            0 if (one := coupling()) is None else VELOCITY_GEARING if one.by_velocity else RELATIVE_GEARING
+        ),
         f"{prefix}ActualMaster": shown.leader_number,
         f"{prefix}StatusWord": exceeded,
         f"{prefix}EffectiveLeadingValue.Position": lambda: (

@@ -99,7 +99,9 @@ class JobClass(IntEnum):
     """`MC_Home` with `Mode` 2, 8 or 10 (H1); it waits while another job is in control."""
     GEAR_IN = 9
     """`MC_GearIn` (S1)."""
-    NONE = 10
+    GEAR_IN_VELOCITY = 10
+    """`MC_GearInVelocity` (S2)."""
+    NONE = 11
     """No motion: not in the table."""
 
 

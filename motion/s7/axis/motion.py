@@ -56,7 +56,6 @@ _STANDSTILL: Final = AxisState.STANDSTILL
 _STOP_HOLD: Final = AxisState.STOP_HOLD
 _ALARM_STANDSTILL: Final = AxisState.ALARM_STANDSTILL
 _MOTION_IN: Final = JobClass.MOTION_IN
-_GEAR_IN: Final = JobClass.GEAR_IN
 _SWITCHES_OFF: Final = (AxisState.ALARM_RAMP, AxisState.DISABLING_RAMP)
 """States after which the drive is switched off."""
 
@@ -218,7 +217,7 @@ class MotionControl:
 
     def _follow_in_motion(self, job: Job) -> None:
         gen = self.gen
-        if job.job_class is _GEAR_IN:
+        if job.coupling is not None:
             self._planned_limits = self._limits.of(job)
             return
         changed = not gen.done and self._limits.of(job) != self._planned_limits
@@ -364,7 +363,8 @@ class MotionControl:
         assert coupling is not None  # every synchronous job has one
         gen = self.gen
         acceleration, deceleration, jerk = self._planned_limits
-        coupling.step(cycle_s, self._limits.max_velocity.value, acceleration, deceleration, jerk)
+        maximum = inf if coupling.by_velocity else self._limits.max_velocity.value  # SYN-106
+        coupling.step(cycle_s, maximum, acceleration, deceleration, jerk)
         if coupling.reversed:
             self._alarms.raise_alarm(ALARM_SYNCHRONISING)
             gen.advance(cycle_s)
@@ -377,7 +377,7 @@ class MotionControl:
     def synchronous_job(self) -> Job | None:
         """The synchronous job in control, or None."""
         job = self.job
-        return job if job is not None and job.job_class is _GEAR_IN else None
+        return job if job is not None and job.coupling is not None else None
 
     @property
     def motion_in_state(self) -> int:
@@ -389,7 +389,7 @@ class MotionControl:
     def given(self) -> bool:
         """Whether setpoints come from the user program, basic or superimposed, or from a leading value."""
         job, moving = self.job, self._servo.superimposed
-        return (job is not None and job.job_class in (_MOTION_IN, _GEAR_IN)) or (
+        return (job is not None and (job.job_class is _MOTION_IN or job.coupling is not None)) or (
             moving is not None and moving.given
         )
 
@@ -547,6 +547,8 @@ class MotionControl:
         given = job.instruction == "MC_MotionInSuperimposed"
         if given and not servo.position_controlled:
             return ERROR_NOT_CONTROLLED
+        if self.moving_job is JobClass.GEAR_IN_VELOCITY and not servo.position_controlled:
+            return ERROR_NOT_CONTROLLED  # the basic motion has no positions (SYN-174)
         if self.moving_job is JobClass.HOMING:
             return ERROR_STATE  # active homing is no basic motion for it (OVR-095)
         job.start(self._name, self._history)
@@ -746,7 +748,8 @@ class MotionControl:
         if (
             job is None
             or self._states.state is not AxisState.MOTION
-            or job.job_class in (_MOTION_IN, _GEAR_IN)
+            or job.job_class is _MOTION_IN
+            or job.coupling is not None
         ):
             return
         self._leave_target()

@@ -161,7 +161,7 @@ SYNCHRONOUS: Final = OverrideTable(
             "A A - A A A - A A",
             "T T P T T T P T T",
         ),
-        _row("OVR-027", _APPENDED, "- - - - - - - - -", "W ? ? ? ? ? ? ? ?"),
+        _row("OVR-027", _APPENDED, "- - - - - - - - -", "W W ? ? ? ? ? ? ?"),
         _row("OVR-028", _MOTION_IN, "A A - A A A - A A", "T T P T T T P T T"),
         _row("OVR-029", _SUPERIMPOSED, "- -/N - - - - - - -", "? ? ? ? ? ? ? ? ?"),
         _row("OVR-030", ("MC_Stop",), "A A A A A A - A A", "T T T T T T P T T"),
@@ -312,22 +312,23 @@ UNDER_INTERPRETER: Final = (
 """Rows OVR-058 to OVR-080."""
 
 
-COLUMNS: Final = (*MOTION.columns, "S1")
+COLUMNS: Final = (*MOTION.columns, "S1", "S2")
 """H1 passive homing; H2 active homing; H3 `MC_Halt` Mode 1, positioning in control, `MC_MoveVelocity`,
 `MC_MoveJog`; H4 positioning that waits; H5 `MC_Halt` Mode 0; H6 `MC_Stop`; H7 superimposed; H8 MotionIn;
-S1 `MC_GearIn`."""
+S1 `MC_GearIn`; S2 `MC_GearInVelocity` in position control."""
 
 TABLE: Final[dict[str, str]] = {
-    "MC_Home 3, 5": MOTION.row("OVR-011") + SYNCHRONOUS.row("OVR-025")[0],
-    "MC_Home 9": MOTION.row("OVR-012") + "-",
-    "MC_Halt 1": MOTION.row("OVR-013") + SYNCHRONOUS.row("OVR-026")[0],
-    "move": MOTION.row("OVR-014") + SYNCHRONOUS.row("OVR-026")[0],
-    "BufferMode 1": MOTION.row("OVR-015") + SYNCHRONOUS.row("OVR-027")[0],
-    "superimposed": MOTION.row("OVR-016") + SYNCHRONOUS.row("OVR-029")[0],
-    "MC_Stop": MOTION.row("OVR-017") + SYNCHRONOUS.row("OVR-030")[0],
-    "MC_GearIn": MOTION.row("OVR-018") + SYNCHRONOUS.row("OVR-031")[0],
+    "MC_Home 3, 5": MOTION.row("OVR-011") + SYNCHRONOUS.row("OVR-025")[:2],
+    "MC_Home 9": MOTION.row("OVR-012") + "--",
+    "MC_Halt 1": MOTION.row("OVR-013") + SYNCHRONOUS.row("OVR-026")[:2],
+    "move": MOTION.row("OVR-014") + SYNCHRONOUS.row("OVR-026")[:2],
+    "BufferMode 1": MOTION.row("OVR-015") + SYNCHRONOUS.row("OVR-027")[:2],
+    "superimposed": MOTION.row("OVR-016") + SYNCHRONOUS.row("OVR-029")[:2],
+    "MC_Stop": MOTION.row("OVR-017") + SYNCHRONOUS.row("OVR-030")[:2],
+    "MC_GearIn": MOTION.row("OVR-018") + SYNCHRONOUS.row("OVR-031")[:2],
 }
-"""Rows OVR-011 to OVR-018 and, as the last letter, the column `MC_GearIn` of OVR-025 to OVR-031. "move" is
+"""Rows OVR-011 to OVR-018 and, as the last letters, the columns `MC_GearIn` and
+`MC_GearInVelocity` of OVR-025 to OVR-031. "move" is
 OVR-014: `MC_Halt` Mode 0, positioning with `BufferMode` 0, `MC_MoveVelocity`, `MC_MoveJog`,
 `MC_MotionInVelocity`, `MC_MotionInPosition`.
 """
@@ -342,6 +343,7 @@ _ROW: Final = {
     JobClass.SUPERIMPOSED: "superimposed",
     JobClass.HOMING: "MC_Home 3, 5",
     JobClass.GEAR_IN: "MC_GearIn",
+    JobClass.GEAR_IN_VELOCITY: "MC_GearIn",
 }
 _COLUMN: Final = {
     JobClass.HALT_BASIC: "H3",
@@ -354,6 +356,7 @@ _COLUMN: Final = {
     JobClass.HOMING: "H2",
     JobClass.PASSIVE_HOMING: "H1",
     JobClass.GEAR_IN: "S1",
+    JobClass.GEAR_IN_VELOCITY: "S2",
 }
 
 

@@ -34,7 +34,7 @@ def _bit(text: str | None) -> tuple[int | None, str]:
 
 _POSITION_RANGE: Final = (-1e12, 1e12)
 _SYNCHRONOUS: Final = (
-    ("FunctionState", "DINT", "", "Synchronous function: 0 none, 1 MC_GearIn."),
+    ("FunctionState", "DINT", "", "Synchronous function: 0 none, 1 MC_GearIn, 6 MC_GearInVelocity."),
     (
         "ActualMaster",
         "DB_ANY",

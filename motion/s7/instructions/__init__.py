@@ -9,7 +9,7 @@ from motion.s7.instructions.cams import (
     MC_InterpolateCam,
 )
 from motion.s7.instructions.control_words import MC_SetAxisSTW
-from motion.s7.instructions.gear import MC_GearIn
+from motion.s7.instructions.gear import MC_GearIn, MC_GearInVelocity
 from motion.s7.instructions.home import MC_Home
 from motion.s7.instructions.jog import MC_MoveJog
 from motion.s7.instructions.motion_in import MC_MotionInPosition, MC_MotionInSuperimposed, MC_MotionInVelocity
@@ -28,6 +28,7 @@ __all__ = [
     "Instruction",
     "MC_CopyCamData",
     "MC_GearIn",
+    "MC_GearInVelocity",
     "MC_GetCamFollowingValue",
     "MC_GetCamFollowingValueCyclic",
     "MC_GetCamLeadingValue",

@@ -1,4 +1,6 @@
-"""`MC_GearIn`: relative gearing (section 7.1 of the specification of synchronous operation)."""
+"""`MC_GearIn` and `MC_GearInVelocity`: relative and velocity gearing (sections 7.1 and 7.3 of the
+specification of synchronous operation).
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,66 @@ _LARGEST: Final = (1 << 31) - 1
 _LEADING: Final = "PositioningAxis"
 
 
-class MC_GearIn(ExecuteInstruction):
+_DYNAMICS: Final = {"Acceleration": DEFAULT, "Deceleration": DEFAULT, "Jerk": DEFAULT}
+
+
+class _Gearing(ExecuteInstruction):
+    """What both instructions share: leading axis, ratio, dynamics of synchronising."""
+
+    object_types = ("SynchronousAxis",)
+    Master: TechnologyAxis | None
+    RatioNumerator: int
+    RatioDenominator: int
+    Acceleration: float
+    Deceleration: float
+    Jerk: float
+
+    def _wrong_ratio(self) -> int:
+        """Return the ErrorID of a ratio that is not permitted, 0 for one that is."""
+        numerator, denominator = self.RatioNumerator, self.RatioDenominator
+        if not is_whole(numerator) or numerator == 0 or not -_LARGEST - 1 <= numerator <= _LARGEST:
+            return ERROR_NUMERATOR
+        if not is_whole(denominator) or not 1 <= denominator <= _LARGEST:
+            return ERROR_DENOMINATOR
+        return NO_ERROR
+
+    def _prepare(self, job_class: JobClass, *, by_velocity: bool) -> Job | int:
+        """Return the job with its coupling, not yet handed over; or the ErrorID of what is not permitted."""
+        leader = self.Master
+        if not isinstance(leader, TechnologyObject) or _LEADING not in leader.kinds:
+            return ERROR_REFERENCE
+        job = Job(job_class, instruction=self.instruction, name=self.name)
+        error = self._wrong_ratio() or resolve(self, job, velocity=False) or self._unfit(leader, by_velocity)
+        if error:
+            return error
+        job.coupling = GearCoupling(
+            LeadingMotion(leader.servo),
+            self.RatioNumerator,
+            self.RatioDenominator,
+            by_velocity=by_velocity,
+        )
+        return job
+
+    def _unfit(self, leader: TechnologyAxis, by_velocity: bool) -> int:
+        """Return why the leading axis cannot lead this one; 0 if it can."""
+        axis = self.axis
+        above: TechnologyAxis | None = leader
+        while above is not None:
+            if above is axis:
+                return ERROR_CIRCLE
+            above = above.leader
+        if axis.alarms.blocking or axis.state not in ACCEPTS_MOTION:
+            return NO_ERROR  # `submit` says why nothing can start
+        if leader not in axis.leading_objects:
+            axis.alarms.raise_alarm(ALARM_NOT_ASSIGNED)
+            return ERROR_ALARM
+        if leader.servo.controlled and not (leader.servo.position_controlled or by_velocity):
+            axis.alarms.raise_alarm(ALARM_NOT_CONTROLLED)
+            return ERROR_ALARM
+        return NO_ERROR
+
+
+class MC_GearIn(_Gearing):
     """Let a synchronous axis follow a leading axis with a gear ratio, without a fixed relation of positions
     (SYN-135 to SYN-147).
 
@@ -47,56 +108,20 @@ class MC_GearIn(ExecuteInstruction):
     """
 
     instruction = "MC_GearIn"
-    object_types = ("SynchronousAxis",)
     inputs: ClassVar[dict[str, Any]] = {
-        "Execute": False, "Master": None, "RatioNumerator": 1, "RatioDenominator": 1,
-        "Acceleration": DEFAULT, "Deceleration": DEFAULT, "Jerk": DEFAULT,
+        "Execute": False, "Master": None, "RatioNumerator": 1, "RatioDenominator": 1, **_DYNAMICS,
     }  # fmt: skip
-    Master: TechnologyAxis | None
-    RatioNumerator: int
-    RatioDenominator: int
-    Acceleration: float
-    Deceleration: float
-    Jerk: float
 
     def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
         self.InGear = False
         super().__init__(axis, name=name, **inputs)
 
     def _start(self) -> Job | int:
-        axis, leader = self.axis, self.Master
-        if not isinstance(leader, TechnologyObject) or _LEADING not in leader.kinds:
-            return ERROR_REFERENCE
-        numerator, denominator = self.RatioNumerator, self.RatioDenominator
-        if not is_whole(numerator) or numerator == 0 or not -_LARGEST - 1 <= numerator <= _LARGEST:
-            return ERROR_NUMERATOR
-        if not is_whole(denominator) or not 1 <= denominator <= _LARGEST:
-            return ERROR_DENOMINATOR
-        job = Job(JobClass.GEAR_IN, instruction=self.instruction, name=self.name)
-        error = resolve(self, job, velocity=False) or self._unfit(leader)
-        if error:
-            return error
+        job = self._prepare(JobClass.GEAR_IN, by_velocity=False)
+        if isinstance(job, int):
+            return job
         job.position_controlled = True
-        job.coupling = GearCoupling(LeadingMotion(leader.servo), numerator, denominator)
-        return axis.motion.submit(job) or job
-
-    def _unfit(self, leader: TechnologyAxis) -> int:
-        """Return why the leading axis cannot lead this one; 0 if it can."""
-        axis = self.axis
-        above: TechnologyAxis | None = leader
-        while above is not None:
-            if above is axis:
-                return ERROR_CIRCLE
-            above = above.leader
-        if axis.alarms.blocking or axis.state not in ACCEPTS_MOTION:
-            return NO_ERROR  # `submit` says why nothing can start
-        if leader not in axis.leading_objects:
-            axis.alarms.raise_alarm(ALARM_NOT_ASSIGNED)
-            return ERROR_ALARM
-        if leader.servo.controlled and not leader.servo.position_controlled:
-            axis.alarms.raise_alarm(ALARM_NOT_CONTROLLED)
-            return ERROR_ALARM
-        return NO_ERROR
+        return self.axis.motion.submit(job) or job
 
     def _clear(self) -> None:
         super()._clear()
@@ -109,3 +134,61 @@ class MC_GearIn(ExecuteInstruction):
     def in_gear(self) -> bool:
         """Return `InGear`."""
         return self.InGear
+
+
+class MC_GearInVelocity(_Gearing):
+    """Let a synchronous axis have the velocity of a leading axis times a ratio (S7-1500T; SYN-165 to SYN-174,
+    SYN-420 to SYN-423).
+
+    Inputs: those of `MC_GearIn`; `ContinuousUpdate`, take the ratio over with every call, once the axis is
+    synchronous; `PositionControlled`, of this axis, whatever the leading axis has. Outputs: `StartSync`, the
+    axis synchronises; `InSync`, it has the velocity of the leading axis times the ratio;
+    `ContinuousUpdateActive`, and the common ones. Changes of the ratio of a synchronous axis act at once,
+    without a limit. `ContinuousUpdate` that falls keeps the last ratio; it does not come back without another
+    start.
+
+    A leading object that is not interconnected is alarm 601; its mode and a reversal do not matter.
+    """
+
+    instruction = "MC_GearInVelocity"
+    inputs: ClassVar[dict[str, Any]] = {
+        "Execute": False, "Master": None, "RatioNumerator": 1, "RatioDenominator": 1, **_DYNAMICS,
+        "ContinuousUpdate": False, "PositionControlled": False,
+    }  # fmt: skip
+    ContinuousUpdate: bool
+    PositionControlled: bool
+
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
+        self.StartSync = False
+        self.InSync = False
+        self.ContinuousUpdateActive = False
+        super().__init__(axis, name=name, **inputs)
+
+    def _start(self) -> Job | int:
+        job = self._prepare(JobClass.GEAR_IN_VELOCITY, by_velocity=True)
+        if isinstance(job, int):
+            return job
+        job.position_controlled = bool(self.PositionControlled)
+        error = self.axis.motion.submit(job)
+        if error:
+            return error
+        self.ContinuousUpdateActive = bool(self.ContinuousUpdate)
+        return job
+
+    def _clear(self) -> None:
+        super()._clear()
+        self.StartSync = self.InSync = self.ContinuousUpdateActive = False
+
+    def _show(self, job: Job) -> None:
+        super()._show(job)
+        self.InSync = job.synchronous
+        self.StartSync = job.busy and not job.synchronous
+        if not (self.ContinuousUpdate and job.busy):
+            self.ContinuousUpdateActive = False
+        updates = self.ContinuousUpdateActive and job.synchronous and not self._wrong_ratio()
+        if updates and job.coupling is not None:
+            job.coupling.change_ratio(self.RatioNumerator, self.RatioDenominator)
+
+    def in_sync(self) -> bool:
+        """Return `InSync`."""
+        return self.InSync

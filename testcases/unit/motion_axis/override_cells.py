@@ -38,6 +38,11 @@ def _gear_in(rig: Rig) -> Any:
     return rig.axis.gear_in(rig.leader, 3, 2)
 
 
+def _gear_in_velocity(rig: Rig) -> Any:
+    rig.leader_at(60.0)
+    return rig.axis.gear_in_velocity(rig.leader, 3, 2, PositionControlled=True)
+
+
 NEW: dict[str, Start] = {
     "MC_Home Mode 2": Start(lambda rig: rig.axis.home(5.0, mode=2), "busy"),
     "MC_Home Mode 3": Start(lambda rig: rig.axis.home(5.0, mode=3), "busy"),
@@ -57,6 +62,7 @@ NEW: dict[str, Start] = {
     "MC_MoveSuperimposed": Start(lambda rig: rig.axis.move_superimposed(20.0), "Done"),
     "MC_HaltSuperimposed": Start(lambda rig: rig.axis.halt_superimposed(Deceleration=100.0), "Done"),
     "MC_GearIn": Start(_gear_in, "InGear"),
+    "MC_GearInVelocity": Start(_gear_in_velocity, "InSync"),
     "MC_MotionInVelocity": Start(lambda rig: rig.axis.motion_in_velocity(rig.axis.var("Velocity")), "busy"),
     "MC_MotionInPosition": Start(_motion_in_position, "busy"),
     "MC_MotionInSuperimposed": Start(lambda rig: rig.axis.motion_in_superimposed(0.0), "busy"),
@@ -110,6 +116,7 @@ ACTIVE: dict[str, Make] = {
     "MC_MoveSuperimposed": lambda rig: rig.axis.move_superimposed(300.0),
     "MC_HaltSuperimposed": _halts_superimposed,
     "MC_GearIn": _gear_in,
+    "MC_GearInVelocity": _gear_in_velocity,
     "MC_MotionInVelocity": lambda rig: rig.axis.motion_in_velocity(20.0),
     "MC_MotionInPosition": _motion_in_position,
     "MC_MotionInSuperimposed": lambda rig: rig.axis.motion_in_superimposed(0.0),

@@ -114,6 +114,15 @@ INPUTS = [
     ("MC_GearIn", "SYN-139", "Acceleration", -1.0),
     ("MC_GearIn", "SYN-139", "Deceleration", -1.0),
     ("MC_GearIn", "SYN-139", "Jerk", -1.0),
+    ("MC_GearInVelocity", "SYN-165", "Execute", False),
+    ("MC_GearInVelocity", "SYN-165", "Master", None),
+    ("MC_GearInVelocity", "SYN-165", "RatioNumerator", 1),
+    ("MC_GearInVelocity", "SYN-165", "RatioDenominator", 1),
+    ("MC_GearInVelocity", "SYN-165", "Acceleration", -1.0),
+    ("MC_GearInVelocity", "SYN-165", "Deceleration", -1.0),
+    ("MC_GearInVelocity", "SYN-165", "Jerk", -1.0),
+    ("MC_GearInVelocity", "SYN-166", "ContinuousUpdate", False),
+    ("MC_GearInVelocity", "SYN-167", "PositionControlled", False),
 ]
 
 # instruction, identifiers, outputs other than Error and ErrorID, which all have
@@ -142,6 +151,10 @@ OUTPUTS = {
     "MC_TorqueRange": (["MC-527"], ["Busy"]),
     "MC_TorqueLimiting": (["MC-546", "MC-547", "MC-548"], ["InClamping", "InLimitation", "Busy"]),
     "MC_GearIn": (["SYN-141"], ["InGear", "Busy", "CommandAborted"]),
+    "MC_GearInVelocity": (
+        ["SYN-168"],
+        ["StartSync", "InSync", "ContinuousUpdateActive", "Busy", "CommandAborted"],
+    ),
 }
 
 

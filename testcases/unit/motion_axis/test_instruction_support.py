@@ -36,6 +36,7 @@ SUPPORT = [
     (("CFG-056", "MC-049", "MC-492"), "MC_MotionInPosition", "P"),
     (("CFG-057", "MC-049", "MC-502"), "MC_MotionInSuperimposed", "P"),
     (("SYN-007", "SYN-016"), "MC_GearIn", "Y"),
+    (("SYN-011", "SYN-016"), "MC_GearInVelocity", "Y"),
 ]
 START = {
     "MC_Power": "Enable",

@@ -140,7 +140,7 @@ def test_stop_over_the_stop_that_has_taken_an_alarm_over(rig):
 def check_disabling_aborts_everything(make_rig, stop_mode, name):
     rig = make_rig(
         variables={"DynamicLimits.MaxJerk": 1.0e9},  # full deceleration at once, also with StopMode 2
-        synchronous=name == "MC_GearIn",
+        synchronous=name.startswith("MC_GearIn"),
     )
     job = bring(rig, name)
     rig.run(0.2)  # at constant velocity, or braking by less than every mode does
@@ -179,7 +179,7 @@ def test_disabling_aborts_everything(make_rig, subtests):
 @pytest.mark.parametrize("name", [*RUNNING])
 def test_the_link_is_lost(make_rig, name):
     """Alarm 431 with reaction 4, ErrorWord.X7; every job 16#8001 but MC_Stop, which shows CommandAborted."""
-    rig = make_rig(synchronous=name == "MC_GearIn")
+    rig = make_rig(synchronous=name.startswith("MC_GearIn"))
     job = bring(rig, name)
     rig.port.link = False
     rig.cycles(4)

@@ -73,7 +73,7 @@ def start_of(kind):
 
 def needs(name, rig):
     """Inputs that an instruction has to have for another one to be looked at."""
-    return {"Master": rig.leader.object} if name == "MC_GearIn" else NEEDS.get(name, {})
+    return {"Master": rig.leader.object} if name.startswith("MC_GearIn") else NEEDS.get(name, {})
 
 
 def moving(name=""):
@@ -81,7 +81,7 @@ def moving(name=""):
     rig = Rig(
         port=TorquePort(),
         variables={"Actor.DriveParameter.ReferenceTorque": 4.0},
-        synchronous=name == "MC_GearIn",
+        synchronous=name.startswith("MC_GearIn"),
     ).enabled()
     rig.until(rig.axis.home(0.0).done)
     job = rig.axis.move_velocity(50.0)
