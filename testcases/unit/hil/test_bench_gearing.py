@@ -68,7 +68,7 @@ def geared(bench):
     return axes, jobs
 
 
-@pytest.mark.requirement("SYN-015", "SYN-403")
+@pytest.mark.requirement("SYN-015")
 def test_drives_of_both_profiles_follow_one_leading_axis(tmp_path):
     """Both keep their relation with moving drives; when the leading drive fails, they follow it to rest and
     stay in gear.

@@ -108,7 +108,7 @@ INPUTS = [
     ("MC_TorqueLimiting", "MC-544", "Limit", -1.0),
     ("MC_TorqueLimiting", "MC-545", "Mode", 0),
     ("MC_GearIn", "SYN-136", "Execute", False),
-    ("MC_GearIn", "SYN-135", "Master", None),
+    ("MC_GearIn", "SYN-136", "Master", None),
     ("MC_GearIn", "SYN-137", "RatioNumerator", 1),
     ("MC_GearIn", "SYN-138", "RatioDenominator", 1),
     ("MC_GearIn", "SYN-139", "Acceleration", -1.0),
