@@ -1,4 +1,4 @@
-"""The leading value of one coupling: a position without modulo, with its velocity and acceleration."""
+"""The leading value of one coupling: position, velocity and acceleration of the leading axis."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ if TYPE_CHECKING:
 class LeadingMotion:
     """The setpoints of a leading axis as a following axis takes them (SYN-020, coupling type "setpoint").
 
-    The position is counted on over the modulo range of the leading axis (SYN-024), from the value at which
-    the coupling begins.
+    Setpoints are counted on over the modulo range of their axis, so that nothing steps at its edge (SYN-024).
 
     Args:
         leader: The leading axis in the kernel.
@@ -21,8 +20,7 @@ class LeadingMotion:
 
     def __init__(self, leader: ServoAxis) -> None:
         self.leader = leader
-        self._last = leader.total.s
-        self.position = self._last
+        self.position = leader.total.s
         """Leading position, position unit of the leading axis."""
         self.velocity = 0.0
         """Its velocity, position unit per second."""
@@ -35,14 +33,8 @@ class LeadingMotion:
         """Take the value of this cycle over; the leading axis has been calculated before."""
         leader = self.leader
         total = leader.total
-        position = total.s
-        increment = position - self._last
-        modulo = leader.modulo
-        if modulo.enabled:
-            increment -= modulo.length * round(increment / modulo.length)
-        self._last = position
-        self.increment = increment
-        self.position += increment
+        self.increment = total.s - self.position
+        self.position = total.s
         if leader.controlled:
             self.velocity, self.acceleration = total.v, total.a
         else:  # the setpoint follows the actual value (SYN-294)

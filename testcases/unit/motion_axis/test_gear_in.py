@@ -106,7 +106,7 @@ def test_the_relation_is_exact_after_a_long_way():
     x, y = places(rig)
     rig.run(40.0)
     leading, following = places(rig)
-    assert following - y == pytest.approx((leading - x) / 3.0, abs=1e-9)
+    assert following - y == pytest.approx((leading - x) / 3.0, abs=3e-12)
 
 
 @pytest.mark.requirement("SYN-024")
@@ -315,6 +315,22 @@ def test_homing_the_leading_axis_steps_the_follower():
     rig.leader.home(rig.leader.var("Position") + 5.0)
     rig.cycles(2)
     assert places(rig)[1] - before == pytest.approx(10.0)
+    assert rig.job.InGear
+
+
+def test_homing_the_follower_shifts_its_positions_only():
+    """The coordinate system of the follower moves, the axis does not, and the relation of the ways stays."""
+    rig = in_gear(100.0, 2, 1)
+    rig.rows.clear()
+    rig.axis.home(500.0)
+    rig.cycles(3)
+    x, y = places(rig)
+    assert y == pytest.approx(500.0, abs=3.0)
+    rig.run(0.5)
+    leading, following = places(rig)
+    assert following - y == pytest.approx(2.0 * (leading - x), abs=1e-9)
+    velocities = rig.column("velocity_setpoint")
+    assert velocities == pytest.approx([200.0] * len(velocities))
     assert rig.job.InGear
 
 
