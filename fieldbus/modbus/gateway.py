@@ -128,8 +128,7 @@ class _Passage(Generic[End]):
             self._close()
 
     def _close(self) -> None:
-        if self._end.open:
-            self._end.close()
+        self._end.close()
         self.closed("closed")
 
     def closed(self, reason: str) -> None:  # noqa: ARG002 - whatever the reason

@@ -269,8 +269,7 @@ class _Served(Generic[End]):
             self._end.send(answer)
 
     def _close(self) -> None:
-        if self._end.open:
-            self._end.close()
+        self._end.close()
         self.closed("closed")
 
     def closed(self, reason: str) -> None:  # noqa: ARG002 - whatever the reason

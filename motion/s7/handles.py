@@ -149,6 +149,16 @@ class _Handle(Generic[_Object]):
         return instance
 
 
+def _gear(leader: AxisHandle | TechnologyAxis, numerator: int, denominator: int) -> dict[str, Any]:
+    """Return the inputs that start a gear behind `leader`."""
+    return {
+        "Execute": True,
+        "Master": leader.object if isinstance(leader, AxisHandle) else leader,
+        "RatioNumerator": numerator,
+        "RatioDenominator": denominator,
+    }
+
+
 class AxisHandle(_Handle[TechnologyAxis]):
     """An axis with the instructions as methods, for straight-line test code.
 
@@ -292,17 +302,7 @@ class AxisHandle(_Handle[TechnologyAxis]):
         """Start `MC_GearIn` behind `leader`, which the bench file names as `leading`, with the ratio
         `numerator` / `denominator`.
         """
-        master = leader.object if isinstance(leader, AxisHandle) else leader
-        return self.run(
-            MC_GearIn(
-                self.object,
-                Execute=True,
-                Master=master,
-                RatioNumerator=numerator,
-                RatioDenominator=denominator,
-                **inputs,
-            )
-        )
+        return self.run(MC_GearIn(self.object, **_gear(leader, numerator, denominator), **inputs))
 
     def gear_in_velocity(
         self, leader: AxisHandle | TechnologyAxis, numerator: int = 1, denominator: int = 1, **inputs: Any
@@ -310,17 +310,7 @@ class AxisHandle(_Handle[TechnologyAxis]):
         """Start `MC_GearInVelocity` behind `leader`, as `gear_in` does; change the ratio with
         `ContinuousUpdate=True` and `instance.set(RatioNumerator=...)`.
         """
-        master = leader.object if isinstance(leader, AxisHandle) else leader
-        return self.run(
-            MC_GearInVelocity(
-                self.object,
-                Execute=True,
-                Master=master,
-                RatioNumerator=numerator,
-                RatioDenominator=denominator,
-                **inputs,
-            )
-        )
+        return self.run(MC_GearInVelocity(self.object, **_gear(leader, numerator, denominator), **inputs))
 
     def move_superimposed(self, distance: float, **inputs: Any) -> MC_MoveSuperimposed:
         """Start `MC_MoveSuperimposed` by `distance`, axis unit, on top of the motion that runs."""

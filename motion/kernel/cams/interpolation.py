@@ -1,4 +1,4 @@
-"""From points and segments to a curve: what lies in a gap (CAM sections 12.2 and 13.1)."""
+"""From points and segments to a curve: how gaps are closed (CAM sections 12.2 and 13.1)."""
 
 from __future__ import annotations
 

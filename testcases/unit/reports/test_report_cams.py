@@ -54,7 +54,7 @@ def test_cams_of_a_bench_are_drawn_when_they_are_interpolated():
 
 
 def test_pictures_are_to_scale_and_texts_are_escaped():
-    """The line touches both sides of its panel; a level quantity lies in the middle; markup is SVG."""
+    """The line touches both sides of its panel; a constant quantity is drawn in the middle; markup is SVG."""
     node = picture(
         [0.0, 5.0, 10.0], [Panel("<up>", [0.0, 1.0, 4.0]), Panel("level", [0.0] * 3)], label="x & y"
     )
