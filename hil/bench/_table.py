@@ -39,7 +39,7 @@ NodeId = Annotated[int, Field(ge=1, le=126)]
 Port = Annotated[int, Field(ge=0, le=65535)]
 
 
-class Table(BaseModel, extra="forbid", frozen=True, allow_inf_nan=False):
+class Table(BaseModel, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True):
     """A table of the bench file, immutable."""
 
     label: ClassVar[str] = ""

@@ -79,8 +79,8 @@ class ProfidriveUnderFaults(MotionUnderFaults):
         self.fault("telegram.late", "drive1", duration_s=0.3, direction=direction, cycles=cycles)
 
 
-Cia402UnderFaults.TestCase.settings = settings(max_examples=60, stateful_step_count=12)
-ProfidriveUnderFaults.TestCase.settings = settings(max_examples=40, stateful_step_count=12)
+Cia402UnderFaults.TestCase.settings = settings(max_examples=25, stateful_step_count=12)
+ProfidriveUnderFaults.TestCase.settings = settings(max_examples=20, stateful_step_count=12)
 TestCia402UnderFaults = pytest.mark.requirement("STP-514", "MC-071", "STP-331", "STP-346")(
     Cia402UnderFaults.TestCase
 )

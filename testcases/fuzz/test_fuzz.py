@@ -13,23 +13,23 @@ from testcases.fuzz.frames import LONGEST, encode, frames
 from testcases.fuzz.targets import targets
 
 INPUTS = {
-    "medium": 240,
-    "sdo": 8_000,
-    "slave": 1_200,
-    "master": 600,
-    "lss": 2_000,
-    "drive": 140,
-    "encoder": 800,
-    "slcan": 2_000,
-    "decoder": 4_000,
-    "parameters": 400,
-    "modbus": 600,
-    "telegram": 240,
-    "modbus_client": 400,
-    "modbus_drive": 320,
+    "medium": 120,
+    "sdo": 4_000,
+    "slave": 600,
+    "master": 300,
+    "lss": 1_000,
+    "drive": 70,
+    "encoder": 400,
+    "slcan": 1_000,
+    "decoder": 2_000,
+    "parameters": 200,
+    "modbus": 300,
+    "telegram": 120,
+    "modbus_client": 200,
+    "modbus_drive": 160,
 }
-"""Inputs per target in the test suite, about a second each; `python -m testcases.fuzz run` for as many as
-wanted.
+"""Inputs per target in the test suite, about half a second each; `python -m testcases.fuzz run` for as many
+as wanted.
 """
 
 
