@@ -443,8 +443,11 @@ class CanopenSlave:
         self.sync.configure()
 
     def _reset(self, *, application: bool) -> None:
+        left = self._state == NmtState.OPERATIONAL
         self._silence()
         self._enter(NmtState.INITIALISING)
+        if left:
+            self._communication.announce("nmt")  # only now: a node that is reset sends no EMCY
         self._renumber(self.settings.start(application=application))
         self._restore(application=application)
         for callback in self.on_reset:
@@ -465,9 +468,6 @@ class CanopenSlave:
             if left:
                 self._communication.announce("nmt")
         elif command in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
-            left = self._state == NmtState.OPERATIONAL
-            if left:
-                self._communication.announce("nmt")
             self._reset(application=command == NmtCommand.RESET_NODE)
 
     def _enter(self, state: NmtState) -> None:

@@ -255,7 +255,7 @@ def check_lost_connection(option, state, cause):
         else S.SWITCH_ON_DISABLED,
     }[option]
     assert bench.state is expected
-    assert bench.read(0x603F) == (0x8130 if option == 1 else 0)
+    assert bench.read(0x603F) == ((0x8130 if cause == "heartbeat" else 0x8100) if option == 1 else 0)
     if state is S.OPERATION_ENABLED:
         assert bench.rpm == pytest.approx({0: RPM, 1: 0, 2: RPM, 3: 0}[option], abs=15)
 

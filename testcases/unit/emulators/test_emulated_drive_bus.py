@@ -241,6 +241,31 @@ def test_reset_communication_keeps_the_application(bench):
     assert bench.drive.slave.nmt_state is NmtState.PRE_OPERATIONAL
 
 
+def test_nmt_of_the_master_is_no_missing_heartbeat(make_bench, subtests):
+    """Stop and Pre-operational with 6007h = 1: Fault with EMCY 8100h, which waits while the node is stopped; a
+    reset sends no EMCY at all.
+    """
+    for command, at_once, later in (
+        (NmtCommand.STOP, [], [(0x8100, 0x11)]),
+        (NmtCommand.ENTER_PRE_OPERATIONAL, [(0x8100, 0x11)], [(0x8100, 0x11)]),
+        (NmtCommand.RESET_NODE, [], []),
+        (NmtCommand.RESET_COMMUNICATION, [], []),
+    ):
+        with subtests.test(command.name):
+            bench = make_bench(DriveConfig.reference())
+            bench.enable(3)
+            bench.master.nmt(NmtCommand.START, 1)
+            bench.run(0.01)
+            bench.master.nmt(command, 1)
+            bench.run(0.5)
+            assert bench.emcys == at_once
+            bench.master.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
+            bench.run(0.01)
+            assert bench.emcys == later
+            reset = command is NmtCommand.RESET_NODE
+            assert bench.state is (S.SWITCH_ON_DISABLED if reset else S.FAULT)
+
+
 @pytest.mark.requirement("C301-140", "C301-141")
 def test_stored_parameters_survive_power_off(bench):
     """1010h keeps parameters over power-off, 1011h brings the defaults back; refused while the power stage is

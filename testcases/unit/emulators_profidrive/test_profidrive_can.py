@@ -146,6 +146,8 @@ def test_leaving_operational_acts_as_6007h_says(station, option, number, enabled
     station.cycle(0x047F, count=60, NSOLL_B=to_n4(0.2))
     station.drive.slave.store.write(0x6007, 0, pack("<h", option))
     station.send(0, bytes((NmtCommand.ENTER_PRE_OPERATIONAL, NODE)))
+    sent = [int.from_bytes(data[:2], "little") for data in station.received.get(0x80 + NODE, [])]
+    assert sent == ([0x8100] if option else [])
     assert station.drive.drive.faults.number == number
     assert station.drive.core.enabled is enabled
 

@@ -25,6 +25,8 @@ CHOPPER_OVERLOAD: Final = 0x7112
 BLOCKED: Final = 0x7121
 INCREMENTAL_SENSOR: Final = 0x7305
 POSITION_SENSOR: Final = 0x7320
+LEFT_OPERATIONAL: Final = 0x8100
+"""The master has ended communication by NMT: no peer is missing, so it is not 8130h."""
 COMMUNICATION: Final = 0x8130
 BUS_OFF: Final = 0x8140
 RPDO_TIMEOUT: Final = 0x8250

@@ -23,6 +23,7 @@ from fieldbus.errors import ConfigurationError
 _IN_FAULT: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 _CODES: Final = {
     "bus_off": faults.BUS_OFF,
+    "nmt": faults.LEFT_OPERATIONAL,
     "rpdo_timeout": faults.RPDO_TIMEOUT,
     "setpoint": faults.RPDO_TIMEOUT,
 }

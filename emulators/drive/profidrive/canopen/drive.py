@@ -42,6 +42,8 @@ _MEMORY: Final = "parameters"
 _WITH_PARAMETERS: Final = (1, 3)
 """Groups of 1010h and 1011h to which the parameters of the drive belong: all, application."""
 _NOT_VALID: Final = 0x0001
+_LEFT_OPERATIONAL: Final = 0x8100
+"""EMCY when the master has ended communication by NMT: no peer is missing, so it is not 8130h."""
 _REACTIONS: Final = {1: Off.OFF2, 2: Off.OFF2, 3: Off.OFF3}
 """6007h: 0 nothing, 1 fault, 2 pulses off, 3 quick stop (PD-345)."""
 
@@ -113,6 +115,7 @@ class ProfidriveCanDrive(DriveOnBus):
         self.slave = self.node.slave
         self._words = ProcessWords(self.slave, drive.telegram)
         self._emcys: set[int] = set()
+        self._left_operational = False
         slave = self.slave
         slave.on_write(objects.ABORT_CONNECTION, 0, _check_abort_connection)
         store = slave.store
@@ -215,15 +218,18 @@ class ProfidriveCanDrive(DriveOnBus):
         reaction = _REACTIONS.get(self.slave.values[objects.ABORT_CONNECTION << 8])
         if reaction is not None and self.drive.controlled_cyclically:
             self.drive.emit("drive.communication_lost", reason=reason)
+            self._left_operational = reason == "nmt"
             self.drive.raise_fault(numbers.CAN_ERROR, reaction=reaction)
 
     def _on_fault(self, row: Fault | None, value: int) -> None:
         slave = self.slave
         slave.set(objects.FAULT_NUMBER, 0, self.drive.faults.number)
         if row is not None:
-            self._emcys.add(row.emcy)
+            by_nmt = row.number == numbers.CAN_ERROR and self._left_operational
+            emcy = _LEFT_OPERATIONAL if by_nmt else row.emcy
+            self._emcys.add(emcy)
             slave.emcy(
-                row.emcy, data=row.number.to_bytes(2, "little") + (value & 0xFFFF).to_bytes(2, "little")
+                emcy, data=row.number.to_bytes(2, "little") + (value & 0xFFFF).to_bytes(2, "little")
             )
             return
         for code in sorted(self._emcys):
