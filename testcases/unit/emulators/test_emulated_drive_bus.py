@@ -242,8 +242,8 @@ def test_reset_communication_keeps_the_application(bench):
 
 
 def test_nmt_of_the_master_is_no_missing_heartbeat(make_bench, subtests):
-    """Stop and Pre-operational with 6007h = 1: Fault with EMCY 8100h, which waits while the node is stopped; a
-    reset sends no EMCY at all.
+    """Stop and Pre-operational with 6007h = 1: Fault with EMCY 8100h, which waits while the node is stopped;
+    a reset sends no EMCY at all.
     """
     for command, at_once, later in (
         (NmtCommand.STOP, [], [(0x8100, 0x11)]),
