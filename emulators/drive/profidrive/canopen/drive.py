@@ -228,9 +228,7 @@ class ProfidriveCanDrive(DriveOnBus):
             by_nmt = row.number == numbers.CAN_ERROR and self._left_operational
             emcy = _LEFT_OPERATIONAL if by_nmt else row.emcy
             self._emcys.add(emcy)
-            slave.emcy(
-                emcy, data=row.number.to_bytes(2, "little") + (value & 0xFFFF).to_bytes(2, "little")
-            )
+            slave.emcy(emcy, data=row.number.to_bytes(2, "little") + (value & 0xFFFF).to_bytes(2, "little"))
             return
         for code in sorted(self._emcys):
             slave.emcy_clear(code)
