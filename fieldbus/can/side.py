@@ -284,7 +284,7 @@ def _flags_file(bus: can.BusABC) -> Path | None:
 
 
 def echoes(bus: can.BusABC) -> bool:
-    """Return whether a bus gives own frames back unasked, as UDP multicast does."""
+    """Return whether a bus gives own frames back unasked, as UDP multicast of python-can does."""
     return type(bus).__module__.startswith("can.interfaces.udp_multicast")
 
 
@@ -298,6 +298,10 @@ def open_bus(name: str, interface: str, channel: object, options: dict[str, obje
     if interface == "socketcan":
         options = {"fd": True, **options}
     try:
+        if interface == "udp_multicast":
+            from fieldbus.can.udp_multicast import UdpMulticastBus  # needs msgpack
+
+            return UdpMulticastBus(str(channel), **options)  # type: ignore[arg-type]
         return can.Bus(interface=interface, channel=channel, **options)  # type: ignore[arg-type]
     except Exception as error:  # a NameError, for example, where a vendor's library is missing
         reason = _reason(error, interface)

@@ -189,10 +189,11 @@ def _presentation(
     """Return what a device is and where."""
     segment = config.segment[section.segment]
     if isinstance(segment, CanTable):
-        where = opening or segment.opening_for_drives()
-        return (
-            f"{name}: {section.profile}, node {section.node_id}, on {where['interface']} {where['channel']}"
-        )
+        opened = opening or segment.opening_for_drives()
+        where = f"{opened['interface']} {opened['channel']}"
+        if opened["interface"] == "udp_multicast":
+            where = host.segments[section.segment].sides[0].bus.channel_info
+        return f"{name}: {section.profile}, node {section.node_id}, on {where}"
     place = host.places[name]
     if isinstance(place, str):
         return f"{name}: {section.profile}, unit {section.unit}, Modbus RTU on {place}"

@@ -392,6 +392,10 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
     file; none: that of the product.
     """
     homing: HomingConfig = HomingConfig()
+    cyclic_timer_ms: Annotated[int, Field(ge=0, le=65535)] = 0
+    """Default of the event timers of TPDO1 and TPDO2 (1800h:5, 1801h:5): how often they come at least, unless
+    SYNC triggers them; 0: only when something changes.
+    """
     safety: SafetyConfig = SafetyConfig()
 
     @field_validator("personality")
@@ -424,6 +428,7 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
         from emulators.drive.cia402.personality import load_personality
 
         speed = round(self.max_speed_rpm * 1000)
+        timer = self.cyclic_timer_ms
         drive = DriveConfig(
             node_id=self.node_id,
             servo_period_ns=bench.servo_period_ns,
@@ -460,6 +465,7 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
                 (0x60C6, 0): 60_000_000,
                 (0x6092, 1): self.increments_per_revolution,
                 (0x6092, 2): 1,
+                **({(0x1800, 5): timer, (0x1801, 5): timer} if timer else {}),
             },
         )
         return load_personality(self.personality).apply(drive)

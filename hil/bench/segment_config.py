@@ -61,7 +61,8 @@ class CanTable(Table, frozen=True):
     """Channel of the interface (`vcan0`, `239.74.163.2`, `/dev/ttyACM0`, ...); required on a live bench."""
     options: dict[str, Option] = {}
     """Further options of the python-can interface: `{ bitrate = 500000 }` for `slcan`, `{ port = 43114 }` for
-    `udp_multicast`; live benches only.
+    `udp_multicast`; live benches only. `udp_multicast` stays on this machine unless `join` names a network
+    interface: `{ join = "eth0" }`.
     """
     bridge: BridgeTable | None = None
     """The bus with the drives, when the controller is on `channel` and the bench stands between the two; live
