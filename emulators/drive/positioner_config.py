@@ -149,6 +149,9 @@ class PositionerSettings:
     """Homing looks in negative direction (p2604); POS_STW2 bit 9 turns that round."""
     has_cam: bool = True
     """Homing looks for the home switch first, then for the zero mark (p2607)."""
+    home_here: bool = False
+    """Homing looks for nothing: the present position becomes the reference point, as in method 37 of CiA 402.
+    """
     cam_velocity: Velocity = 5_000.0
     """p2605."""
     mark_velocity: Velocity = 300.0
@@ -166,9 +169,11 @@ class PositionerSettings:
     position_cams: tuple[Position, Position] = (0, 0)
     """p2547, p2548: POS_ZSW2 bits 8 and 9."""
     rest_is_reached: bool = False
-    """ZSW1 bit 10 is also 1 while the axis stands without a task: after homing, jog and a rejection, as
-    Festo drives show it; otherwise after MDI and blocks alone.
+    """ZSW1 bit 10 is also 1 while the axis stands without a task or in an intermediate stop: after homing,
+    jog and a rejection, as Festo drives show it; otherwise after MDI and blocks alone.
     """
+    negative_velocity: Literal["zero", "absolute"] = "zero"
+    """What a velocity below 0 means in MDI: the axis stands, or it moves with the absolute value."""
     block: tuple[TraversingBlock, ...] = ()
     """Traversing blocks; see the next section."""
 

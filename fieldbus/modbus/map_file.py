@@ -75,6 +75,10 @@ class MapFile(BaseModel):
     """
     timeout_ms: int = Field(default=0, ge=0, le=2_000_000)
     """Time-out of the process data; 0 = off (p2040)."""
+    faults: dict[int, int] = Field(default_factory=dict)
+    """Number of a fault of the axis -> number that FAULT_CODE shows in its place."""
+    warnings: dict[int, int] = Field(default_factory=dict)
+    """Number of a warning -> number that WARN_CODE shows in its place."""
     block: tuple[BlockFile, ...]
 
 

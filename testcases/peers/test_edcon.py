@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -15,8 +17,11 @@ import pytest
 
 from emulators.drive.machine import NO_SWITCHES, LinearAxisConfig
 from emulators.drive.positioner_config import PositionerSettings
+from emulators.drive.profidrive.faults.catalogue import CATALOGUE
 from emulators.drive.profidrive.modbus import ProfidriveModbusConfig
+from fieldbus.modbus import load_map
 from testcases.peers.real_drive import RealDrive, real_drive, slow_servo
+from testcases.processes import Reader, hil_command
 
 PROGRAM = Path(__file__).with_name("edcon_motion.py")
 LONGEST_S = 40.0
@@ -27,12 +32,39 @@ POSITIONER = PositionerSettings(
 )
 
 
+BENCH = """
+[bench]
+name = "a positioning drive"
+cycle_ms = 4
+servo_period_us = 1000
+
+[segment.net0]
+kind = "modbus_tcp"
+
+[drive.x]
+profile = "profidrive"
+telegram = 111
+segment = "net0"
+map = "festo"
+off1_ramp_s = 0.2
+off3_ramp_s = 0.1
+velocity_time_constant_ms = 4.0
+
+[drive.x.positioner]
+home_here = true
+rest_is_reached = true
+negative_velocity = "absolute"
+jog_velocities = [3000.0, -3000.0]
+block = [{ number = 3, position = 12000, velocity = 6000 }]
+"""
+
+
 class Edcon:
     """The program with the package in it."""
 
-    def __init__(self, packages: Path, device: RealDrive) -> None:
+    def __init__(self, packages: Path, host: str, port: int) -> None:
         self._program = subprocess.Popen(
-            [sys.executable, PROGRAM, device.host, str(device.port)],
+            [sys.executable, PROGRAM, host, str(port)],
             env={**os.environ, "PYTHONPATH": str(packages)},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -61,6 +93,11 @@ class Edcon:
         self._program.stdin.write(json.dumps(order) + "\n")
         self._program.stdin.flush()
         return self._answer()
+
+    def kill(self) -> None:
+        """End the program without a farewell."""
+        self._program.kill()
+        self._program.wait()
 
     def close(self) -> int:
         """End the program; returns its exit code."""
@@ -99,7 +136,7 @@ def device() -> Iterator[RealDrive]:
 
 @pytest.fixture
 def edcon(packages, device) -> Iterator[Edcon]:
-    made = Edcon(packages, device)
+    made = Edcon(packages, device.host, device.port)
     yield made
     made.close()
 
@@ -164,9 +201,81 @@ def test_a_client_that_dies_stops_the_axis(edcon, device):
     end = time.monotonic() + LONGEST_S
     while abs(device.do(lambda: device.drive.core.speed_rpm)) < 250.0:
         assert time.monotonic() < end
-    edcon._program.kill()
-    edcon._program.wait()
+    edcon.kill()
     assert device.do(lambda: device.drive.drive.faults.number) == 0
     time.sleep(2.0)
     assert device.do(lambda: device.drive.drive.faults.number) == 1910
     assert device.do(lambda: device.drive.core.standing)
+
+
+@pytest.fixture
+def emulated(tmp_path) -> Iterator[tuple[str, int]]:
+    """`hil emulate` with a bench file: host and port of the drive."""
+    bench = tmp_path / "bench.toml"
+    bench.write_text(BENCH, encoding="utf-8")
+    drives = Reader([*hil_command(), "emulate", str(bench)], stream="stderr")
+    try:
+        place = drives.wait_for(r"^x: profidrive, any unit, Modbus TCP on (\S+):(\d+)$")
+        drives.wait_for("^ready")
+        yield place[1], int(place[2])
+        assert drives.end(signal.SIGTERM) == 0
+    finally:
+        drives.kill()
+
+
+def test_every_task_ends_with_a_bench_file_alone(packages, emulated):
+    """Homing on the spot, jog with a duration, negative velocity, record table, pause, a following error by
+    its number in the package's list, and a second client after the first one died.
+    """
+    edcon = Edcon(packages, *emulated)
+    try:
+        assert edcon("acknowledge_faults")
+        assert edcon("enable_powerstage")
+        assert edcon("referencing_task")
+        assert edcon("referenced")
+        assert edcon("jog_task", True, False, False, 0.5)
+        there = edcon("current_position")
+        assert there > 5_000
+        assert edcon("jog_task", False, True, False, 0.5)
+        assert edcon("current_position") < there - 5_000
+        assert edcon("position_task", 20_000, 6_000, True)
+        assert edcon("position_task", -5_000, -500, False)
+        assert edcon("current_position") == pytest.approx(15_000, abs=80)
+        assert edcon("record_task", 3, False)
+        assert edcon("current_position") == pytest.approx(12_000, abs=80)
+
+        assert edcon("position_task", 200_000, 6_000, True, True)
+        assert edcon("pause_motion_task") is None
+        assert edcon("current_position") < 190_000
+        assert edcon("resume_motion_task") is None
+        time.sleep(0.2)  # the status word still shows the pause
+        assert edcon("wait_for_target_position")
+        assert edcon("current_position") == pytest.approx(200_000, abs=80)
+
+        assert not edcon("position_task", 90_000_000, 30_000, True)  # there is a stop on the way
+        assert edcon("current_fault_code") == 126
+        assert "Position: following error" in edcon("fault_string")
+        assert edcon("acknowledge_faults")
+        assert edcon("enable_powerstage")
+        assert edcon("position_task", 0, 30_000, True)
+        edcon.kill()
+        time.sleep(2.0)  # longer than the time-out of the process data
+    finally:
+        edcon.close()
+    edcon = Edcon(packages, *emulated)
+    try:
+        assert edcon("current_fault_code") == 391
+        assert edcon("acknowledge_faults")
+        assert edcon("enable_powerstage")
+        assert edcon("position_task", 1_000, 6_000, True)
+    finally:
+        edcon.close()
+
+
+def test_every_number_is_in_the_list_of_the_package(packages):
+    """The map shows no number that the package has no text for, and has one for every fault of the axis."""
+    text = (packages / "edcon" / "edrive" / "data" / "icp_map.csv").read_text(encoding="utf-8")
+    known = {int(row["icp_number"]) for row in csv.DictReader(text.splitlines(True), delimiter=";")}
+    shown = load_map("festo")
+    assert set(shown.faults) == set(CATALOGUE)
+    assert set(shown.faults.values()) | set(shown.warnings.values()) <= known

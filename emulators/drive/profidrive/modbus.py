@@ -126,6 +126,7 @@ class ProfidriveModbusDrive(DriveOnBus):
         self.modbus_config = config
         drive = self.drive
         drive.watched_by_transport = True
+        drive.faults.fault_codes, drive.faults.warning_codes = file.faults, file.warnings
         store = self.parameters.store
         store.set(918, config.unit)
         store.save()

@@ -28,8 +28,8 @@ def status_signals(words: StatusWords, faults: FaultState, inputs: DigitalInputs
         "ZSW2": words.zsw2,
         "MELDW": words.meldw,
         "MELD_NAMUR": lambda: namur_word([one.number for one in faults.buffer.present]),
-        "FAULT_CODE": lambda: faults.number,
-        "WARN_CODE": lambda: faults.warning_number,
+        "FAULT_CODE": lambda: faults.fault_code,
+        "WARN_CODE": lambda: faults.warning_code,
         "E_DIGITAL": lambda: inputs.value & 0xFFFF,
     }
 

@@ -228,6 +228,45 @@ def test_rejection():
     assert axis.positioner.mode is Mode.NONE
 
 
+def test_the_target_bit_in_an_intermediate_stop():
+    """Drives that show bit 10 at rest show it in an intermediate stop too, from standstill on, until the task
+    goes on.
+    """
+    for option in (False, True):
+        axis = Axis(rest_is_reached=option).home().go(0.2, pos_stw1=MDI, target=50_000)
+        axis.run(CYCLE_S, stw1=GO & ~STW1.NO_INTERMEDIATE_STOP)
+        assert not axis.shows(ZSW1.TARGET_REACHED)
+        axis.run(0.5)
+        assert bool(axis.shows(ZSW1.TARGET_REACHED)) is option
+        axis.run(CYCLE_S, stw1=GO)
+        assert not axis.shows(ZSW1.TARGET_REACHED)
+        axis.run(1.0)
+        assert axis.position == pytest.approx(50_000, abs=20)
+
+
+def test_a_velocity_below_zero():
+    """A task with a negative velocity stands, or moves with its absolute value, as the drive is set."""
+    for option, travels in (("zero", False), ("absolute", True)):
+        axis = Axis(negative_velocity=option, rest_is_reached=True).home()
+        axis.go(1.0, pos_stw1=MDI, target=5_000, velocity=-6_000)
+        assert axis.position == pytest.approx(5_000 if travels else 0, abs=40)
+        assert bool(axis.shows(ZSW1.TARGET_REACHED)) is travels
+
+
+def test_homing_on_the_spot():
+    """`home_here`: the start bit sets the reference point where the axis stands; homing shows as active while
+    the bit is 1.
+    """
+    axis = Axis(home_here=True, reference_position=700)
+    axis.run(0.1, stw1=READY | STW1.START_HOMING)
+    assert axis.shows(ZSW1.HOME_POSITION_SET)
+    assert axis.positioner.pos_zsw1 & POS_ZSW1.HOMING
+    assert axis.positioner.position == pytest.approx(700, abs=2)
+    axis.run(0.1, stw1=READY)
+    assert not axis.positioner.pos_zsw1 & POS_ZSW1.HOMING
+    assert axis.fastest < 0.1
+
+
 @pytest.mark.requirement("PD-070")
 def test_the_target_bit_of_an_axis_that_rests():
     """Some drives show bit 10 whenever the axis stands without a task: after homing, jog, a rejection; others

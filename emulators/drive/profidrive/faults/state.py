@@ -4,7 +4,7 @@ warnings (PD-115, PD-133 to PD-139).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final, Protocol
 
 from emulators.drive.profidrive.faults.buffer import FaultBuffer, FaultMessage
@@ -50,6 +50,10 @@ class FaultState:
         """Says whether there are pulses: some faults cannot be acknowledged then."""
         self.on_warning: Callable[[], None] = _nobody
         """Called when the warnings have changed."""
+        self.fault_codes: Mapping[int, int] = {}
+        """Number of a fault -> what FAULT_CODE shows in its place, for drives of another make."""
+        self.warning_codes: Mapping[int, int] = {}
+        """Number of a warning -> what WARN_CODE shows in its place."""
 
     @property
     def present(self) -> bool:
@@ -66,6 +70,18 @@ class FaultState:
     def warning_number(self) -> int:
         """Number of the oldest present warning, 0 = none (PD-043)."""
         return next(iter(self.warnings), 0)
+
+    @property
+    def fault_code(self) -> int:
+        """FAULT_CODE: the oldest present fault by the numbers of this make, 0 = none."""
+        number = self.number
+        return self.fault_codes.get(number, number)
+
+    @property
+    def warning_code(self) -> int:
+        """WARN_CODE: the oldest present warning by the numbers of this make, 0 = none."""
+        number = self.warning_number
+        return self.warning_codes.get(number, number)
 
     def restart(self) -> None:
         """Begin as after power-on: what was there goes into the history; causes last."""

@@ -35,10 +35,12 @@ class Homing:
         self._start = 0.0
         self.passing = False
         """Passive homing waits for its probe."""
+        self.here = False
+        """The bit that has made the present position the reference point still stands."""
 
     def clear(self) -> None:
         """Forget what is under way."""
-        self.passing = False
+        self.passing = self.here = False
 
     # -- active ----------------------------------------------------------------------------------------
 

@@ -54,6 +54,8 @@ class ProfileMotion:
         """What the profile does."""
         self.halted = False
         """The task is kept, but the axis stands or brakes."""
+        self.held = False
+        """That is so because of an intermediate stop."""
         self.moving = False
         """The profile is under way."""
         self._braking = 0.0
@@ -92,6 +94,7 @@ class ProfileMotion:
 
         """
         settings = self._settings
+        self.held = held
         if wanted is None:
             self._brake(settings.max_deceleration)
             return

@@ -222,6 +222,8 @@ class Positioner:
         elif not self._last.pos_stw2 & _SET_REFERENCE and not self.motion.moving:
             self.set_reference_point()
             self.referencing = True
+        if self.homing.here and not words.stw1 & _HOME:
+            self.homing.here = False
         self._last = words
         self._show(words, minus_cam, plus_cam)
 
@@ -248,7 +250,7 @@ class Positioner:
             self.blocks.active,
             minus_cam=minus_cam,
             plus_cam=plus_cam,
-            referencing=self.referencing,
+            referencing=self.referencing or self.homing.here,
             passing=self.homing.passing,
         )
         self.pos_zsw2 = show.pos_zsw2(
@@ -292,7 +294,11 @@ class Positioner:
                 self._start_jog(words, 0 if jogs & STW1.JOG_1 else 1)
             return
         if rising & _HOME and self._idle and not self.homing.passing:
-            self.homing.start(words)
+            if self.task.settings.home_here:
+                self.set_reference_point()
+                self.homing.here = True
+            else:
+                self.homing.start(words)
         if self.task.mode in {Mode.JOG, Mode.HOMING}:
             return
         activated = bool(rising & _ACTIVATE)
@@ -314,7 +320,9 @@ class Positioner:
         settings = self.task.settings
         acceleration = settings.max_acceleration * share(words.acceleration)
         deceleration = settings.max_deceleration * share(words.deceleration)
-        velocity = max(0.0, float(words.velocity))
+        velocity = float(words.velocity)
+        if velocity < 0.0:
+            velocity = -velocity if settings.negative_velocity == "absolute" else 0.0
         sign = bool(words.pos_stw1 & POS_STW1.POSITIVE) - bool(words.pos_stw1 & POS_STW1.NEGATIVE)
         if words.pos_stw1 & POS_STW1.SETUP:
             speed = velocity if sign else 0.0

@@ -48,9 +48,11 @@ class Task:
 
     @property
     def rests(self) -> bool:
-        """Whether the axis stands, with its position held, without a task."""
+        """Whether the axis stands, with its position held, without a task or in an intermediate stop."""
         core = self.core
-        return self.mode is Mode.NONE and core.enabled and core.standing and not self.motion.moving
+        if self.mode is not Mode.NONE and not self.motion.held:
+            return False
+        return core.enabled and core.standing and not self.motion.moving
 
     def accept(self, mode: Mode, motion: Motion | None) -> None:
         """Begin a task; None: one that does not move."""
