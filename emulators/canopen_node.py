@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
 
 from emulators.repetition import Repetition
 from fieldbus.can.frame import CanSegment
-from fieldbus.canopen.object_table import STRING, ObjectRow
+from fieldbus.canopen.dictionary import INTEGERS, Entry
+from fieldbus.canopen.eds import notes_of
+from fieldbus.canopen.object_table import STRING, VAR, Item, ObjectRow
 from fieldbus.canopen.slave import CanopenSlave
 from fieldbus.clock import Scheduler, seconds_to_ns
 from fieldbus.errors import ConfigurationError
@@ -17,8 +19,9 @@ from fieldbus.history import History
 if TYPE_CHECKING:
     import canopen
 
-_FIRST_OWN_OBJECT = 0x2000
+_FIRST_OWN_OBJECT: Final = 0x2000
 """Objects below describe communication; the slave knows them."""
+_FIRST_PROFILE_OBJECT: Final = 0x6000
 
 
 class CanopenNode:
@@ -61,45 +64,118 @@ class CanopenNode:
             boot_time_ns=seconds_to_ns(boot_time_s),
             storage=storage,
         )
+        self.notes: tuple[str, ...] = notes_of(dictionary)
+        """What the EDS says otherwise than the standards, and how it was taken."""
         self._emcys = Repetition(scheduler)
         self._emcy_code = 0
 
     # -- objects -----------------------------------------------------------------------------------------
 
-    def require(self, indexes: Iterable[int], device: str, eds: str | os.PathLike[str] | None) -> None:
-        """Check that the EDS has the objects without which it is not that of the device.
+    def adopt(
+        self,
+        rows: Sequence[ObjectRow],
+        *,
+        device: str,
+        required: Iterable[int] = (),
+        factors: Collection[int] = (),
+        eds: str | os.PathLike[str] | None = None,
+    ) -> None:
+        """Bring the objects of the EDS and those of the device together.
+
+        An object of a device profile (6000h and above) is the device's if it is of the same kind: both a
+        variable or not, both a whole number or not. It keeps the length that the EDS gives it and has the
+        sign of the profile, about which files differ. A manufacturer object is the device's only if it has
+        the same name and data type; the numbers below 6000h mean something else in every product.
+        Everything else in the EDS is plain storage on the bus. What the EDS lacks has its built-in default,
+        so that the device works with any EDS, and the bus does not see it. An object whose default the EDS
+        leaves open gets the built-in one.
 
         Args:
-            indexes: Objects.
-            device: What it is, for the message.
+            rows: Objects of the device.
+            device: What it is, for messages.
+            required: Indexes without which the EDS is not one of such a device.
+            factors: Indexes of ratios: an entry of theirs that the EDS sets to 0 gets the built-in default.
             eds: The file; None: that of the product.
 
         Raises:
-            ConfigurationError: One is missing.
+            ConfigurationError: A required object is missing, or not of the kind that the device needs.
 
         """
-        for index in indexes:
-            if index << 8 not in self.slave.store.entries:
-                raise ConfigurationError(
-                    "eds", str(eds), f"an EDS of a {device}", problem=f"has no object {index:04X}h"
-                )
-
-    def add_missing(self, rows: Iterable[ObjectRow]) -> None:
-        """Give objects that the EDS lacks their built-in default, so that the device works with any EDS.
-
-        The bus does not see those objects.
-        """
-        values, store = self.slave.values, self.slave.store
+        store = self.slave.store
+        values, entries = self.slave.values, store.entries
+        notes: list[str] = []
         for row in rows:
             if row.index < _FIRST_OWN_OBJECT:
                 continue
             for sub, item in row.items.items():
                 key = row.index << 8 | sub
+                entry = entries.get(key)
+                if entry is not None and eds is not None:
+                    if self._agree(entry, row, item, notes):
+                        if row.index in factors and not entry.default:
+                            entry.default = entry.coerce(item.default)
+                            notes.append(f"{row.index:04X}h:{sub}: 0 is no factor; {item.default} counts")
+                        continue
+                    store.set_aside(key)
+                    entry = None
                 if item.volatile:
                     store.volatile.add(key)
-                if key not in store.entries:
+                if entry is None:
                     empty = "" if item.data_type == STRING else 0
                     values[key] = empty if item.default is None else item.default
+        for index in required:
+            key = index << 8
+            if key not in entries:
+                raise ConfigurationError(
+                    "eds", str(eds), f"an EDS of a {device}", problem=f"has no object {index:04X}h"
+                )
+            if entries[key].key != key:
+                raise ConfigurationError(
+                    "eds",
+                    str(eds),
+                    f"an EDS of a {device}",
+                    problem=f"has an object {index:04X}h that is no whole number",
+                )
+        self.notes += tuple(notes)
+
+    def _agree(self, entry: Entry, row: ObjectRow, item: Item, notes: list[str]) -> bool:
+        """Return whether an object of the EDS is that of the device, and adapt it if so."""
+        where = f"{row.index:04X}h:{entry.sub}"
+        if row.index < _FIRST_PROFILE_OBJECT:
+            name = row.name if row.kind == VAR else f"{row.name}: {item.name}"
+            if entry.name == name and entry.data_type == item.data_type:
+                if item.volatile:
+                    self.slave.store.volatile.add(entry.key)
+                return True
+            return False
+        thing = self.slave.store.dictionary.indices[row.index]
+        if hasattr(thing, "subindices") != (row.kind != VAR):
+            if not entry.sub:
+                kinds = ("a variable", "an array or record")
+                notes.append(
+                    f"{row.index:04X}h: {kinds[row.kind == VAR]}, {kinds[row.kind != VAR]} in the profile: "
+                    "plain storage"
+                )
+            return False
+        expected = INTEGERS.get(item.data_type)
+        if (expected is not None) != entry.integer or (expected is None) != (entry.data_type == STRING):
+            notes.append(
+                f"{where}: data type {entry.data_type:04X}h, {item.data_type:04X}h in the profile: "
+                "plain storage"
+            )
+            return False
+        if expected is not None:
+            bits, signed = expected
+            if entry.bits != bits:
+                notes.append(f"{where}: {entry.bits} bits, {bits} in the profile: taken as in the file")
+            if entry.signed != signed:
+                entry.signed = signed
+                entry.default = entry.coerce(entry.default)
+            if not entry.given and item.default:
+                entry.default = entry.coerce(item.default)
+        if item.volatile:
+            self.slave.store.volatile.add(entry.key)
+        return True
 
     def set_defaults(self, defaults: Mapping[tuple[int, int], int], device: str) -> None:
         """Make values, by index and sub-index, the defaults of their objects, and load them.
@@ -112,8 +188,9 @@ class CanopenNode:
         for (index, sub), value in defaults.items():
             key = index << 8 | sub
             entry = store.entries.get(key)
-            if entry is not None:
+            if entry is not None and entry.key == key:
                 entry.default = entry.coerce(value)
+                entry.given = True
             elif key in values:
                 values[key] = value
             else:

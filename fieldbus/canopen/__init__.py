@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from fieldbus.canopen.abort import ABORT_TEXTS, AbortCode, SdoAbort
 from fieldbus.canopen.boot import BootFailure, BootState
 from fieldbus.canopen.decode import FrameDecoder
-from fieldbus.canopen.eds import load_dictionary, shared_dictionary
+from fieldbus.canopen.eds import load_dictionary, notes_of, shared_dictionary
 from fieldbus.canopen.eds_text import DeviceEds, write_eds_files
 from fieldbus.canopen.master import CanopenMaster
 from fieldbus.canopen.nmt import NmtCommand, NmtState
@@ -47,6 +47,7 @@ __all__ = [
     "SdoClient",
     "SdoJob",
     "load_dictionary",
+    "notes_of",
     "shared_dictionary",
     "virtual_time",
     "write_eds_files",

@@ -63,7 +63,8 @@ MAX_DOMAIN_BYTES: Final = 1 << 20
 """Longest domain that a device accepts."""
 
 _STORED_IN_RAM: Final = ("RAM", "ROM")
-_NODE_ID: Final = re.compile(r"\+?\$NODEID\+?")
+_NODE_ID: Final = re.compile(r"\+?\$?(?:[A-Z]+_)*NODE_?ID\+?")
+"""`$NODEID`, and as tools write it: `NODEID`, `$NODE_ID`, `$MY_NODE_ID`."""
 
 
 def integer(text: str) -> int:
@@ -91,9 +92,9 @@ def relative(text: str) -> int | None:
 
     """
     squeezed = text.replace(" ", "").upper()
-    if "$NODEID" not in squeezed:
+    rest, found = _NODE_ID.subn("", squeezed, count=1)
+    if not found:
         return None
-    rest = _NODE_ID.sub("", squeezed, count=1)
     return integer(rest) if rest else 0
 
 
@@ -105,6 +106,7 @@ class Entry:
         "bits",
         "data_type",
         "default",
+        "given",
         "high",
         "index",
         "key",
@@ -153,6 +155,8 @@ class Entry:
         self.base: int | None = None
         """What the default adds to the node-ID; None = the default has nothing to do with the node-ID."""
         self.low, self.high = self._limits(variable)
+        self.given = False
+        """The file, or the device, says what the default is."""
         self.default = self._default(variable, node_id)
         location = str(getattr(variable, "storage_location", None) or "").upper()
         self.storable = (
@@ -271,6 +275,7 @@ class Entry:
             raw, value = getattr(variable, "value_raw", None), variable.value
         else:
             raw, value = getattr(variable, "default_raw", None), variable.default
+        self.given = value is not None or bool(raw)
         if isinstance(raw, str) and self.integer:
             self.base = relative(raw)
             if self.base is not None:

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 _OBJECT: Final = re.compile(r"[0-9a-f]{4}")
 _MEMBER: Final = re.compile(r"([0-9a-f]{4})\s*sub\s*([0-9a-f]{1,2})")
 
+_PDO_RECORD: Final = re.compile(r"1[4-9ab][0-9a-f]{2}")
+
 _NULL: Final = 0
 _DOMAIN: Final = 2
 _DEFINITIONS: Final = (5, 6)
@@ -41,6 +43,9 @@ _KNOWN_TYPES: Final = frozenset(
     (*INTEGERS, *REALS, *OPAQUE_SIZES, VISIBLE_STRING, OCTET_STRING, UNICODE_STRING, DOMAIN)
 )
 _FIRST_OBJECT: Final = 0x1000
+_MOST_ELEMENTS: Final = 0xFE
+_NOTES: Final = "_notes"
+"""Attribute of a dictionary: what `notes_of` returns."""
 
 _DEVICE_INFO: Final[tuple[tuple[str, str, type], ...]] = (
     ("VendorName", "vendor_name", str),
@@ -80,10 +85,18 @@ def load_dictionary(path: str | PathLike[str], node_id: int | None = None) -> ca
     where = fspath(path)
     if Path(where).suffix.lower() not in (".eds", ".dcf"):
         raise ConfigurationError("object dictionary", where, "a file with the ending .eds or .dcf")
-    dictionary: canopen.ObjectDictionary = _Reader(EdsFile(path), node_id).dictionary
+    file = EdsFile(path)
+    dictionary: canopen.ObjectDictionary = _Reader(file, node_id).dictionary
+    vars(dictionary)[_NOTES] = tuple(file.notes)
     if not any(index >= _FIRST_OBJECT for index in dictionary.indices):
         raise ConfigurationError("object dictionary", where, "an EDS that describes objects from 1000h on")
     return dictionary
+
+
+def notes_of(dictionary: canopen.ObjectDictionary) -> tuple[str, ...]:
+    """Return what was understood in the file of a dictionary although it should say it otherwise."""
+    notes: tuple[str, ...] = vars(dictionary).get(_NOTES, ())
+    return notes
 
 
 def shared_dictionary(path: str | PathLike[str], node_id: int | None = None) -> canopen.ObjectDictionary:
@@ -137,7 +150,11 @@ class _Reader:
     def _read_device(self) -> None:
         device = self._file.section("DeviceInfo")
         if device.number("CompactPDO", 0):
-            device.refuse("CompactPDO", device.text("CompactPDO"), "0; PDO records have to be written out")
+            if not any(_PDO_RECORD.fullmatch(name) for name in self._file.sections):
+                device.refuse(
+                    "CompactPDO", device.text("CompactPDO"), "0; PDO records have to be written out"
+                )
+            device.note("CompactPDO", "not needed; the file has PDO records, and they count")
         information = self.dictionary.device_information
         for key, attribute, kind in _DEVICE_INFO:
             if kind is str:
@@ -155,7 +172,9 @@ class _Reader:
             if rate:
                 self.dictionary.bitrate = rate * 1000
             if self._node_id is None and commissioning.text("NodeID"):
-                self._node_id = commissioning.number("NodeID", 1, low=1, high=255)
+                self._node_id = commissioning.number("NodeID", 1, high=255) or None
+                if self._node_id is None:
+                    commissioning.note("NodeID", "0 is no node-ID; the file names none")
         self.dictionary.node_id = self._node_id
         comments = self._file.section("Comments")
         lines = range(1, comments.number("Lines", 0, high=9999) + 1)
@@ -190,7 +209,12 @@ class _Reader:
             section.refuse("ObjectType", section.text("ObjectType"), "2, 5, 6, 7, 8 or 9")
         if kind in (_ARRAY, _RECORD):
             thing.storage_location = section.text("StorageLocation") or None
-            count = section.number("CompactSubObj", 0, high=254)
+            count = section.number("CompactSubObj", 0, high=255)
+            if count > _MOST_ELEMENTS:
+                section.note(
+                    "CompactSubObj", f"{count} is above the highest sub-index; {_MOST_ELEMENTS} counts"
+                )
+                count = _MOST_ELEMENTS
             if count:
                 self._fill(thing, section, count)
         self.dictionary.add_object(thing)
@@ -238,8 +262,8 @@ class _Reader:
             section.refuse("AccessType", section.text("AccessType"), ", ".join(_ACCESS))
         variable.pdo_mappable = bool(section.number("PDOMapping", 0))
         if variable.data_type in INTEGERS or variable.data_type in REALS:
-            variable.min = section.value("LowLimit", variable.data_type, self._node_id)
-            variable.max = section.value("HighLimit", variable.data_type, self._node_id)
+            variable.min = section.limit("LowLimit", variable.data_type, self._node_id)
+            variable.max = section.limit("HighLimit", variable.data_type, self._node_id)
         self._set_value(variable, "default", section, "DefaultValue")
         self._set_value(variable, "value", section, "ParameterValue")
         # Not of the standard, but the library knows them.

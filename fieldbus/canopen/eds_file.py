@@ -1,9 +1,9 @@
 """Reading EDS and DCF files as they come: sections and keys with their lines, and
 values by data type (CiA 306).
 
-Vendors' files differ in encoding, case and number format. What can be understood is;
-whatever cannot is refused with file, section and key, because a default that silently became
-0 would be found on the machine only.
+Vendors' files differ in encoding, case and number format. What can be understood is, with a note
+where the file contradicts itself; whatever cannot is refused with file, section and key, because a
+default that silently became 0 would be found on the machine only.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ from fieldbus.errors import ConfigurationError
 
 _COMMENT: Final = re.compile(r"\s;.*$")
 _HEADER: Final = re.compile(r"\[\s*([^\]]+?)\s*\]\s*(;.*)?$")
+_SUFFIX: Final = re.compile(r"(?<=[\d.])[fF]$")
+"""Of a real number as C writes it: `0.0f`."""
 _HEX_BYTES: Final = re.compile(r"(0[xX])?([0-9A-Fa-f]{2}\s*)*")
 
 
@@ -37,22 +39,28 @@ class EdsSection:
         file: Name of the file, for messages.
         name: Name of the section as written.
         line: Its line.
+        notes: Takes what was understood although the file should say it otherwise.
 
     """
 
-    __slots__ = ("_file", "_keys", "line", "name")
+    __slots__ = ("_file", "_keys", "_notes", "line", "name")
 
-    def __init__(self, file: str, name: str, line: int) -> None:
+    def __init__(self, file: str, name: str, line: int, notes: list[str]) -> None:
         self._file = file
+        self._notes = notes
         self._keys: dict[str, str] = {}
         self.name = name
         self.line = line
 
     def add(self, key: str, value: str, line: int) -> None:
-        """Take a key; a second one of the same name is refused."""
-        if key.lower() in self._keys:
-            self.refuse(key, value, f"each key once in a section; line {line} repeats it")
-        self._keys[key.lower()] = value
+        """Take a key; of several of the same name the first counts, as for most tools."""
+        first = self._keys.setdefault(key.lower(), value)
+        if first != value:
+            self.note(key, f"line {line} repeats it with {value!r}; {first!r}, which comes first, counts")
+
+    def note(self, key: str, text: str) -> None:
+        """Note what was understood although the file should say it otherwise."""
+        self._notes.append(f"[{self.name}]" + (f" {key}" if key else "") + f": {text}")
 
     def items(self) -> dict[str, str]:
         """Return all keys, in lower case, with their values."""
@@ -107,12 +115,30 @@ class EdsSection:
             return bytes.fromhex(text.removeprefix("0x").removeprefix("0X"))
         return text.encode("latin-1", errors="replace")
 
+    def limit(self, key: str, data_type: int, node_id: int | None) -> Value | None:
+        """Return a limit of an entry; None, with a note, where it is beyond the type and limits nothing.
+
+        Args:
+            key: `LowLimit` or `HighLimit`.
+            data_type: CiA 301 type code of a number.
+            node_id: See `value`.
+
+        """
+        try:
+            return self.value(key, data_type, node_id)
+        except ConfigurationError:
+            text = self.text(key)
+            if not _is_whole(text):
+                raise
+            self.note(key, f"{text} is beyond the data type and limits nothing")
+            return None
+
     def _real(self, key: str, text: str, data_type: int) -> float:
         bits, coder = REALS[data_type]
         try:
             if text[:2].lower() == "0x":  # the pattern of the number
                 return float(coder.unpack(int(text, 16).to_bytes(bits // 8, "little"))[0])
-            return float(text.replace(",", "."))
+            return float(_SUFFIX.sub("", text.replace(",", ".")))
         except (ValueError, OverflowError):
             self.refuse(key, text, f"a number, or the {bits}-bit pattern of one with 0x")
 
@@ -157,6 +183,8 @@ class EdsFile:
 
     def __init__(self, path: str | PathLike[str]) -> None:
         self.name = fspath(path)
+        self.notes: list[str] = []
+        """What was understood although the file should say it otherwise."""
         self.sections: dict[str, EdsSection] = {}
         """By name in lower case, in the order of the file."""
         try:
@@ -169,7 +197,7 @@ class EdsFile:
 
     def section(self, name: str) -> EdsSection:
         """Return a section; an empty one when there is none."""
-        return self.sections.get(name.lower()) or EdsSection(self.name, name, 0)
+        return self.sections.get(name.lower()) or EdsSection(self.name, name, 0, self.notes)
 
     def _split(self, text: str) -> None:
         section: EdsSection | None = None
@@ -182,10 +210,11 @@ class EdsFile:
                 if match is None:
                     self._refuse(line, content, "a well-formed section header, [name]")
                 name = match[1]
-                section = EdsSection(self.name, name, line)
+                section = EdsSection(self.name, name, line, self.notes)
                 first = self.sections.setdefault(name.lower(), section)
                 if first is not section:
-                    self._refuse(line, content, f"each section once; it is in line {first.line} already")
+                    section = first
+                    section.note("", f"line {line} repeats the section; both count as one")
                 continue
             key, equals, value = content.partition("=")
             if not equals:
@@ -196,6 +225,14 @@ class EdsFile:
 
     def _refuse(self, line: int, content: str, allowed: str) -> NoReturn:
         raise ConfigurationError(f"{self.name}: line {line}", content, allowed)
+
+
+def _is_whole(text: str) -> bool:
+    try:
+        integer(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _decode(content: bytes) -> str:

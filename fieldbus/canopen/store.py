@@ -31,6 +31,8 @@ LOAD: Final = 0x64616F6C
 _ALL: Final = 1
 _COMMUNICATION: Final = 2
 _APPLICATION: Final = 3
+_ASIDE: Final = 1 << 24
+"""Added to the key of an entry that the device has not: above all of index and sub-index."""
 NOT_STORED: Final = frozenset((0x1001, 0x1002, 0x1003, 0x1010, 0x1011))
 """Objects that are no configuration."""
 
@@ -130,11 +132,24 @@ class ObjectStore:
         """Move what is relative to the node-ID from one to another: defaults, and
         values that still are the default.
         """
-        for key, entry in self.entries.items():
+        for entry in self.entries.values():
             if entry.base is not None and entry.default == entry.base + old:
-                if self.values[key] == entry.default:
-                    self.values[key] = entry.base + new
+                if self.values[entry.key] == entry.default:
+                    self.values[entry.key] = entry.base + new
                 entry.default = entry.base + new
+
+    def set_aside(self, key: int) -> None:
+        """Let an entry be plain storage on the bus: what the device itself has under this index is another
+        thing, whose value, hooks and checks the bus does not see.
+
+        Args:
+            key: `index << 8 | sub-index` of an entry.
+
+        """
+        entry = self.entries[key]
+        entry.key = key | _ASIDE
+        self.values[entry.key] = entry.default
+        self.values.pop(key, None)
 
     # -- access by the bus
     # ------------------------------------------------------------------------------------
@@ -166,7 +181,7 @@ class ObjectStore:
         hook = self.read_hooks.get(entry.key)
         if hook is not None:
             return entry.encode(hook())
-        if self.foreign is not None and entry.key not in self.entries:
+        if self.foreign is not None and entry.index not in self._indices:
             return entry.encode(self.foreign.read(entry))
         return entry.encode(self.values[entry.key])
 
@@ -225,7 +240,7 @@ class ObjectStore:
 
         """
         key = entry.key
-        if self.foreign is not None and key not in self.entries:
+        if self.foreign is not None and entry.index not in self._indices:
             self.foreign.write(entry, value)
             return
         if entry.low is not None or entry.high is not None:
@@ -269,7 +284,7 @@ class ObjectStore:
         stored, values = self.stored, self.values
         for key, entry in self.entries.items():
             if application or entry.index < 0x2000:
-                values[key] = stored.get(key, entry.default)
+                values[entry.key] = stored.get(key, entry.default)
         for key in self.commands:
             if key >> 8 in (0x1010, 0x1011) and not values[key]:
                 values[key] = 1  # saves and restores on command, not by itself
@@ -291,10 +306,10 @@ class ObjectStore:
                     or key in self.commands
                 ):
                     continue
-                if entry.base is not None and self.values[key] == entry.default:
+                if entry.base is not None and self.values[entry.key] == entry.default:
                     self.stored.pop(key, None)  # follows the node-ID, also when LSS changes it
                 else:
-                    self.stored[key] = self.values[key]
+                    self.stored[key] = self.values[entry.key]
             self._keep(stored, restoring)
 
         return save

@@ -27,7 +27,7 @@ from emulators.drive.cia402.objects.mode_rules import (
 )
 from emulators.drive.cia402.objects.profile import SUPPORTED_HOMING
 from emulators.drive.cia402.objects.protection import clear_history, protection_readers
-from emulators.drive.cia402.objects.rules import REQUIRED, adapt_entries, axis_checks, axis_readers
+from emulators.drive.cia402.objects.rules import FACTORS, REQUIRED, axis_checks, axis_readers
 from emulators.drive.cia402.objects.table import all_objects
 from emulators.drive.cia402.parameters import Parameters
 from emulators.drive.cia402.protection import Protection
@@ -279,9 +279,9 @@ class CiA402Drive(MainsDrive):
             derived[0x60E3, 0] = len(listed)
             listed += [0] * (len(SUPPORTED_HOMING) - len(listed))
             derived.update({(0x60E3, sub): method for sub, method in enumerate(listed, 1)})
-        self.node.require(REQUIRED, "CiA 402 drive", config.eds)
-        adapt_entries(self.slave.store)
-        self.node.add_missing(all_objects())
+        self.node.adopt(
+            all_objects(), device="CiA 402 drive", required=REQUIRED, factors=FACTORS, eds=config.eds
+        )
         self.node.set_defaults({**derived, **coupled_values(config.objects), **config.objects}, "drive")
 
     # -- what it is doing ------------------------------------------------------------------------------

@@ -151,8 +151,9 @@ class CiA406Encoder:
         }
         if not kind.linear:
             derived[0x6502, 0] = config.turns
-        self.node.require((0x6000, 0x6004), "CiA 406 encoder", config.eds)
-        self.node.add_missing(all_objects(self.family))
+        self.node.adopt(
+            all_objects(self.family), device="CiA 406 encoder", required=(0x6000, 0x6004), eds=config.eds
+        )
         self.node.set_defaults({**derived, **config.objects}, "encoder")
 
     @property

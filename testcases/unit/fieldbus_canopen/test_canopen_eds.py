@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldbus.can import CanMedium
-from fieldbus.canopen import CanopenSlave, PumpedNetwork, load_dictionary
+from fieldbus.canopen import CanopenSlave, PumpedNetwork, load_dictionary, notes_of
 from fieldbus.canopen.dictionary import entries_of
 from fieldbus.canopen.eds_export import device_eds
 from fieldbus.clock import MS, VirtualScheduler
@@ -256,7 +256,7 @@ def test_device_information(load, tmp_path):
         (variable(DataType="0x0001", DefaultValue="2"), r"\[2000\] DefaultValue.*1 bit"),
         (variable(DataType="0x0008", DefaultValue="one"), r"\[2000\] DefaultValue"),
         (variable(LowLimit="low"), r"\[2000\] LowLimit: 'low'"),
-        (variable(HighLimit="0x10000"), r"\[2000\] HighLimit"),
+        (variable(HighLimit="high"), r"\[2000\] HighLimit"),
         (variable(ParameterValue="?"), r"\[2000\] ParameterValue"),
         (variable(DataType=None), r"\[2000\] DataType.*missing"),
         (variable(DataType="U16"), r"\[2000\] DataType: 'U16'"),
@@ -266,12 +266,10 @@ def test_device_information(load, tmp_path):
         (variable(ParameterName=None), r"\[2000\] ParameterName"),
         (variable(ObjectType="4"), r"\[2000\] ObjectType: '4'"),
         (variable(PDOMapping="yes"), r"\[2000\] PDOMapping: 'yes'"),
-        (variable() + variable(), r"line 17: '\[2000\]'.*line 10 already"),
-        (variable(defaultvalue="1", DefaultValue="2"), r"\[2000\] DefaultValue: '2'.*line 17 repeats"),
         (variable("2000sub1"), r"\[2000sub1\].*no \[2000\]"),
         (variable() + variable("2000sub1"), r"\[2000sub1\].*variable"),
         ("[2000\nParameterName=x\n", r"line 9: '\[2000'"),
-        (variable(ObjectType="8", CompactSubObj="300"), r"\[2000\] CompactSubObj: '300'.*0 to 254"),
+        (variable(ObjectType="8", CompactSubObj="300"), r"\[2000\] CompactSubObj: '300'.*0 to 255"),
         ("\n[DeviceComissioning]\nNodeID=abc\n", r"\[DeviceComissioning\] NodeID: 'abc'"),
     ],
 )
@@ -280,6 +278,76 @@ def test_mistakes_are_named(load, text, where):
     with pytest.raises(ConfigurationError, match=where) as caught:
         load(text, node_id=None)
     assert "device.eds" in str(caught.value)
+
+
+NOTED = {
+    "a limit beyond the type limits nothing": (
+        variable(HighLimit="65536", LowLimit="-1"),
+        ["[2000] LowLimit: -1 is beyond the data type", "[2000] HighLimit: 65536 is beyond the data type"],
+        lambda od: (od[0x2000].max, od[0x2000].min),
+        (None, None),
+    ),
+    "of repeated keys the first counts": (
+        variable(defaultvalue="1", DefaultValue="2"),
+        ["[2000] DefaultValue: line 17 repeats it with '2'; '1', which comes first, counts"],
+        lambda od: od[0x2000].default,
+        1,
+    ),
+    "a key repeated with the same value is no mistake": (
+        variable(defaultvalue="1", DefaultValue="1"),
+        [],
+        lambda od: od[0x2000].default,
+        1,
+    ),
+    "a repeated section adds what the first one lacks": (
+        variable(DefaultValue="3") + "[2000]\nHighLimit=9\nDefaultValue=4\n",
+        ["[2000]: line 17 repeats the section", "[2000] DefaultValue: line 19 repeats it with '4'"],
+        lambda od: (od[0x2000].default, od[0x2000].max),
+        (3, 9),
+    ),
+    "255 elements are as many as there are sub-indices": (
+        variable(ObjectType="8", CompactSubObj="255"),
+        ["[2000] CompactSubObj: 255 is above the highest sub-index; 254 counts"],
+        lambda od: max(od[0x2000].subindices),
+        254,
+    ),
+    "node-ID 0 is none": (
+        variable() + "\n[DeviceComissioning]\nNodeID=0\n",
+        ["[DeviceComissioning] NodeID: 0 is no node-ID"],
+        lambda od: od.node_id,
+        None,
+    ),
+    "the node-ID under other names": (
+        variable(DefaultValue="$MY_NODE_ID+0x180") + variable("2001", DefaultValue="NODEID+0x20"),
+        [],
+        lambda od: [entries_of(od, 5)[key].default for key in (0x200000, 0x200100)],
+        [0x185, 0x25],
+    ),
+    "a real number as C writes it": (
+        variable(DataType="0x0008", DefaultValue="1.5f"),
+        [],
+        lambda od: od[0x2000].default,
+        1.5,
+    ),
+    "compact PDOs next to records that are written out": (
+        "\n[DeviceInfo]\nCompactPDO=23\n" + variable("1A00"),
+        ["[DeviceInfo]: line 10 repeats", "[DeviceInfo] CompactPDO: not needed"],
+        lambda od: 0x1A00 in od.indices,
+        True,
+    ),
+}
+
+
+@pytest.mark.parametrize("case", NOTED)
+def test_what_can_be_understood_is_noted(load, tmp_path, case):
+    """Files of vendors contradict themselves; what they mean is taken, and said with section and key."""
+    text, notes, look, expected = NOTED[case]
+    load(text, node_id=None)
+    dictionary = load_dictionary(tmp_path / "device.eds")
+    assert look(dictionary) == expected
+    found = notes_of(dictionary)
+    assert len(found) == len(notes)
+    assert all(one.startswith(wanted) for one, wanted in zip(found, notes, strict=True)), found
 
 
 def refusal(path, otherwise):

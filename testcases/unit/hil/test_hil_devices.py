@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 import time
@@ -11,9 +12,14 @@ from pathlib import Path
 import can
 import canopen
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from emulators.drive.cia402.objects.rules import REQUIRED
+from emulators.drive.cia402.objects.table import all_objects
 from fieldbus.canopen import NmtCommand, PumpedNetwork, load_dictionary
 from fieldbus.canopen import eds as eds_reader
+from fieldbus.canopen.abort import SdoAbort
 from fieldbus.canopen.dictionary import entries_of
 from fieldbus.errors import ConfigurationError
 from hil.bench import BenchFile, BenchFileError, load_bench
@@ -349,22 +355,17 @@ def test_drive_with_a_vendors_eds(bench_file, tmp_path, without):
             {
                 "replace": [
                     (
-                        (
-                            "[607A]\nParameterName=Target "
-                            "position\nObjectType=0x7\nStorageLocation=RAM\nDataType=0x0004"
-                        ),
-                        "[607A]\nParameterName=Target position\nObjectType=0x7\nDataType=0x0003",
+                        "Statusword\nObjectType=0x7\nDataType=0x0006",
+                        "Statusword\nObjectType=0x7\nDataType=0x0008",
                     )
                 ]
             },
-            "607Ah:0 DataType.*0004h",
+            "6041h that is no whole number",
         ),
     ],
 )
 def test_eds_that_cannot_be_that_of_a_drive(bench_file, tmp_path, changes, message):
-    """An object without which no drive can be commanded, or of another length than the profile's, is
-    named.
-    """
+    """An object without which no drive can be commanded, or that is no whole number, is named."""
     (tmp_path / "vendor.eds").write_text(vendor_eds(**changes))
     with pytest.raises(ConfigurationError, match=message):
         bench_file(DRIVE + 'eds = "vendor.eds"\n').build()
@@ -378,6 +379,92 @@ def test_sign_of_a_profile_object_is_the_profiles(bench_file, tmp_path):
         slave = bench.drive().slave
         slave.store.write(0x60FF, 0, (-1000).to_bytes(4, "little", signed=True))
         assert slave.get(0x60FF) == -1000
+
+
+MANUFACTURER = [
+    *(f"{index:04X}" for index in range(0x2100, 0x210A)), "2000", "2010",
+]  # fmt: skip
+
+
+def with_objects(**objects):
+    """Return the EDS of a vendor with these objects in place of those of the same index."""
+    text = vendor_eds(without=tuple(index + end for index in objects for end in ("]", "sub")))
+    return text + "".join(f"\n[{index}]\nParameterName=Vendor's\n{keys}\n" for index, keys in objects.items())
+
+
+def test_manufacturer_objects_are_the_vendors(bench_file, tmp_path):
+    """What the product has between 2000h and 5FFFh means something else to a vendor: his objects are read and
+    written as his EDS says, whatever their type, and the drive goes on without them.
+    """
+    kinds = [
+        ("5", "7"),
+        ("6", "500"),
+        ("7", "70000"),
+        ("3", "-5"),
+        ("8", "1.5"),
+        ("9", "abc"),
+        ("0xA", "0102"),
+    ]
+    chosen = {index: kinds[at % len(kinds)] for at, index in enumerate(MANUFACTURER)}
+    (tmp_path / "vendor.eds").write_text(
+        with_objects(
+            **{
+                index: f"DataType={kind}\nAccessType=rw\nDefaultValue={default}\nPDOMapping=1"
+                for index, (kind, default) in chosen.items()
+            }
+        )
+    )
+    with bench_file(DRIVE + 'eds = "vendor.eds"\n').build() as bench:
+        drive = bench.drive()
+        drive.raise_fault(0x2310)
+        bench.run_for(0.1)
+        faults = drive.faults.log.packed(0)
+        with PumpedNetwork(bench.segment(), name="client") as network:
+            sdo = network.add_node(5, drive.slave.store.dictionary).sdo
+            for index, (_kind, default) in chosen.items():
+                thing = sdo[int(index, 16)]
+                assert str(thing.raw) in {default, str(bytes.fromhex("0102"))}, index
+                content = b"\x01" * len(thing.data)
+                thing.data = content
+                assert thing.data == content, index
+            sdo[0x2101].raw = 1  # would clear the history, were it the product's 2107h
+        assert faults
+        assert drive.faults.log.packed(0) == faults
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    changes=st.dictionaries(
+        st.sampled_from(
+            [f"{row.index:04X}" for row in all_objects() if row.index >= 0x2000 and row.index not in REQUIRED]
+        ),
+        st.tuples(
+            st.sampled_from([1, 2, 3, 4, 5, 6, 7, 8, 9, 0xA, 0xB, 0xC, 0xF, 0x10, 0x11, 0x15, 0x1B]),
+            st.sampled_from(["7", "7", "8", "9"]),
+        ),
+        min_size=1,
+        max_size=12,
+    ),
+    content=st.binary(max_size=9),
+)
+def test_no_type_of_any_object_ends_the_drive(tmp_path_factory, changes, content):
+    """Whatever type a file gives the objects, the drive starts, and every SDO is served or aborted."""
+    objects = {}
+    for index, (kind, code) in changes.items():
+        keys = f"DataType={kind}\nAccessType=rw\nPDOMapping=1\nObjectType={code}"
+        objects[index] = keys + ("\nCompactSubObj=3" if code != "7" else "")
+    path = tmp_path_factory.mktemp("any") / "vendor.eds"
+    path.write_text(with_objects(**objects))
+    with BenchFile(str(path.with_name("bench.toml")), HEAD + DRIVE + 'eds = "vendor.eds"\n').build() as bench:
+        bench.run_for(0.02)
+        store = bench.drive().slave.store
+        for index in changes:
+            for sub in range(4):
+                with contextlib.suppress(SdoAbort):
+                    store.write(int(index, 16), sub, content)
+                with contextlib.suppress(SdoAbort):
+                    store.read(int(index, 16), sub)
+        bench.run_for(0.02)
 
 
 @pytest.mark.requirement("C301-140")

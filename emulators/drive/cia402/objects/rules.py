@@ -8,13 +8,10 @@ from typing import Final
 
 from emulators.drive.cia402.axis import OPTION_CODES, ProfileAxis, interpolation_period_s
 from emulators.drive.cia402.objects.mode_rules import ALLOWED
-from emulators.drive.cia402.objects.table import all_objects
 from emulators.drive.cia402.parameters import Parameters
 from emulators.drive.cia402.units import velocity_unit_rad_s, wrap32
 from emulators.drive.supply import DcLink
 from fieldbus.canopen.abort import AbortCode, SdoAbort
-from fieldbus.canopen.dictionary import INTEGERS
-from fieldbus.canopen.store import ObjectStore
 from fieldbus.errors import ConfigurationError
 
 _ALLOWED: Final[dict[int, Container[int]]] = {
@@ -23,35 +20,11 @@ _ALLOWED: Final[dict[int, Container[int]]] = {
 }
 """Objects with a few allowed values; anything else is 06090030h (C402-073, C402-095)."""
 
-_FIRST_PROFILE_OBJECT: Final = 0x6000
 REQUIRED: Final = (0x6040, 0x6041, 0x6060, 0x6061)
-_FACTORS: Final = (0x608F, 0x6090, 0x6091, 0x6092, 0x6093, 0x6094, 0x6096, 0x6097)
+"""Without these an EDS is not that of a drive."""
+FACTORS: Final = (0x608F, 0x6090, 0x6091, 0x6092, 0x6093, 0x6094, 0x6096, 0x6097)
+"""Ratios, whose entries are not 0."""
 _PARAMETERS: Final = (0x6072, 0x6073, 0x607C, 0x607F, 0x6080, 0x60C5, 0x60C6, 0x60C8, 0x60C9, 0x60E0, 0x60E1)
-
-
-def adapt_entries(store: ObjectStore) -> None:
-    """Take the objects of the profile from the EDS, with the signs that they have in the profile.
-
-    Raises:
-        ConfigurationError: The EDS gives a profile object another length.
-
-    """
-    for row in all_objects():
-        if row.index < _FIRST_PROFILE_OBJECT:
-            continue
-        for sub, item in row.items.items():
-            entry = store.entries.get(row.index << 8 | sub)
-            if entry is None or item.data_type not in INTEGERS:
-                continue
-            bits, signed = INTEGERS[item.data_type]
-            if entry.bits != bits or not entry.integer:
-                raise ConfigurationError(
-                    f"eds: {row.index:04X}h:{sub} DataType",
-                    f"{entry.data_type:04X}h",
-                    f"{item.data_type:04X}h, as the profile says, or another whole number of {bits} bits",
-                )
-            # Files differ about signs; the profile says what the object means.
-            entry.signed = signed
 
 
 def axis_readers(axis: ProfileAxis, dc_link: DcLink) -> dict[int, Callable[[], int | str]]:
@@ -116,7 +89,7 @@ def axis_checks(axis: ProfileAxis, parameters: Parameters) -> dict[int, Callable
 
     for index, allowed in _ALLOWED.items():
         checks[index << 8] = one_of(allowed)
-    for index in _FACTORS:
+    for index in FACTORS:
         for sub in (1, 2):
             checks[index << 8 | sub] = factor(index << 8 | sub)
     checks[0x607600] = factor(0x607600)
