@@ -77,7 +77,7 @@ class CanopenNode:
         *,
         device: str,
         required: Iterable[int] = (),
-        factors: Collection[int] = (),
+        never_zero: Collection[int] = (),
         eds: str | os.PathLike[str] | None = None,
     ) -> None:
         """Bring the objects of the EDS and those of the device together.
@@ -94,7 +94,7 @@ class CanopenNode:
             rows: Objects of the device.
             device: What it is, for messages.
             required: Indexes without which the EDS is not one of such a device.
-            factors: Indexes of ratios: an entry of theirs that the EDS sets to 0 gets the built-in default.
+            never_zero: Indexes whose entries get the built-in default if the EDS sets them to 0.
             eds: The file; None: that of the product.
 
         Raises:
@@ -112,9 +112,9 @@ class CanopenNode:
                 entry = entries.get(key)
                 if entry is not None and eds is not None:
                     if self._agree(entry, row, item, notes):
-                        if row.index in factors and not entry.default:
+                        if row.index in never_zero and item.default and not entry.default:
                             entry.default = entry.coerce(item.default)
-                            notes.append(f"{row.index:04X}h:{sub}: 0 is no factor; {item.default} counts")
+                            notes.append(f"{row.index:04X}h:{sub}: 0 leaves it open; {item.default} counts")
                         continue
                     store.set_aside(key)
                     entry = None

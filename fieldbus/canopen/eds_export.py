@@ -104,7 +104,7 @@ def _entry_lines(slave: CanopenSlave, entry: Entry, variable: Any, *, dcf: bool)
     yield f"AccessType={variable.access_type}"
     if entry.base is not None and entry.default == entry.base + slave.node_id:
         yield f"DefaultValue=$NODEID+0x{entry.base:X}"
-    else:
+    elif entry.given:
         yield f"DefaultValue={_value(entry, entry.default, where)}"
     yield f"PDOMapping={int(bool(variable.pdo_mappable))}"
     for key, limit in (("LowLimit", variable.min), ("HighLimit", variable.max)):

@@ -139,6 +139,8 @@ def emulate_bench(
             out = console()
             for name, section in emulated.items():
                 out.print(_presentation(config, host, opening, name, section), markup=False, soft_wrap=True)
+                for text in _notes_on_eds(host, name):
+                    out.print(f"  EDS of {name}: {text}", style="dim", markup=False, soft_wrap=True)
             if device:
                 out.print(f"adapter: {adapter} on {device}", markup=False, soft_wrap=True)
             out.print("ready; end with Ctrl-C", style="dim", markup=False)
@@ -151,6 +153,15 @@ def emulate_bench(
         for number, handler in handlers.items():
             signal.signal(number, handler)
     return 0
+
+
+def _notes_on_eds(host: DriveHost, name: str) -> tuple[str, ...]:
+    """Return what the EDS of a device says otherwise than the standards, and how it was taken."""
+    from emulators.drive.cia402 import CiA402Drive
+    from emulators.encoder.cia406 import CiA406Encoder
+
+    part = host.devices.find(name)
+    return part.node.notes if isinstance(part, (CiA402Drive, CiA406Encoder)) else ()
 
 
 def _served_at(config: BenchConfig, place: Place) -> BenchConfig:

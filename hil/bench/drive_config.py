@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
 
     from emulators.drive.analog import AnalogDrive
     from emulators.drive.cia402 import CiA402Drive, DriveConfig
+    from emulators.drive.cia402.vendor_eds import VendorEds
     from emulators.drive.profidrive import ProfidriveCanDrive, ProfidriveConfig
     from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
     from emulators.drive.stepper import StepperDriveConfig
@@ -398,6 +400,39 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
     """
     safety: SafetyConfig = SafetyConfig()
 
+    @model_validator(mode="after")
+    def _as_the_eds_says(self) -> Cia402DriveTable:
+        """Take what the bench file does not say from the EDS; the keys stay unwritten."""
+        vendor = self._vendor_eds()
+        if vendor is not None:
+            for key, value in vendor.bench_keys():
+                if key not in self.model_fields_set:
+                    self.__dict__[key] = value
+            vendor.objects(self._of_vendor(), frozenset(self.model_fields_set))  # checks limits
+        return self
+
+    def _vendor_eds(self) -> VendorEds | None:
+        """Return the EDS; None without one, or if it cannot be read, which building the drive says."""
+        from emulators.drive.cia402.vendor_eds import VendorEds
+
+        if self.eds is None:
+            return None
+        try:
+            return VendorEds(self.eds)
+        except ConfigurationError:
+            return None
+
+    def _of_vendor(self, cycle_ms: int = 1) -> dict[str, float]:
+        """Return the keys that an EDS may say."""
+        return {
+            "cycle_ms": cycle_ms,
+            "max_speed_rpm": self.max_speed_rpm,
+            "off1_ramp_s": self.off1_ramp_s,
+            "off3_ramp_s": self.off3_ramp_s,
+            "rated_torque_nm": self.rated_torque_nm,
+            "increments_per_revolution": self.increments_per_revolution,
+        }
+
     @field_validator("personality")
     @classmethod
     def _known_personality(cls, value: str, info: ValidationInfo) -> str:
@@ -427,7 +462,7 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
         from emulators.drive.cia402 import DriveConfig
         from emulators.drive.cia402.personality import load_personality
 
-        speed = round(self.max_speed_rpm * 1000)
+        vendor = self._vendor_eds()
         timer = self.cyclic_timer_ms
         drive = DriveConfig(
             node_id=self.node_id,
@@ -446,29 +481,43 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
             missing_setpoints=self.missing_setpoints,
             eds=None if self.eds is None else Path(self.eds),
             storage=self.storage_path,
-            # Velocities are in 10^-3 rpm (60A9h); so are the defaults, for controllers that leave them as
-            # they are.
             objects={
-                (0x607F, 0): speed,
-                (0x6080, 0): round(self.max_speed_rpm),
-                (0x60A9, 0): 0xFDB44700,
-                (0x6081, 0): speed // 3,
-                (0x6083, 0): round(speed / self.off1_ramp_s),
-                (0x6084, 0): round(speed / self.off1_ramp_s),
-                (0x6085, 0): round(speed / self.off3_ramp_s),
-                (0x6099, 1): speed // 15,
-                (0x6099, 2): speed // 150,
-                (0x609A, 0): round(speed / self.off1_ramp_s),
-                (0x60C2, 1): bench.cycle_ms,
-                (0x60C2, 2): -3,
-                (0x60C5, 0): 60_000_000,
-                (0x60C6, 0): 60_000_000,
-                (0x6092, 1): self.increments_per_revolution,
-                (0x6092, 2): 1,
+                **(
+                    self._objects(bench)
+                    if vendor is None
+                    else vendor.objects(self._of_vendor(bench.cycle_ms), frozenset(self.model_fields_set))
+                ),
                 **({(0x1800, 5): timer, (0x1801, 5): timer} if timer else {}),
             },
         )
+        if vendor is not None and vendor.rated_current_A is not None:
+            drive = replace(drive, rated_current_A=vendor.rated_current_A)
         return load_personality(self.personality).apply(drive)
+
+    def _objects(self, bench: BenchTable) -> dict[tuple[int, int], int]:
+        """Return the defaults of the drive of the product.
+
+        Velocities are in 10^-3 rpm (60A9h); so are the defaults, for controllers that leave them as they are.
+        """
+        speed = round(self.max_speed_rpm * 1000)
+        return {
+            (0x607F, 0): speed,
+            (0x6080, 0): round(self.max_speed_rpm),
+            (0x60A9, 0): 0xFDB44700,
+            (0x6081, 0): speed // 3,
+            (0x6083, 0): round(speed / self.off1_ramp_s),
+            (0x6084, 0): round(speed / self.off1_ramp_s),
+            (0x6085, 0): round(speed / self.off3_ramp_s),
+            (0x6099, 1): speed // 15,
+            (0x6099, 2): speed // 150,
+            (0x609A, 0): round(speed / self.off1_ramp_s),
+            (0x60C2, 1): bench.cycle_ms,
+            (0x60C2, 2): -3,
+            (0x60C5, 0): 60_000_000,
+            (0x60C6, 0): 60_000_000,
+            (0x6092, 1): self.increments_per_revolution,
+            (0x6092, 2): 1,
+        }
 
     def build(self, site: DeviceSite) -> CiA402Drive:
         """Return the emulated drive, still switched off."""

@@ -27,7 +27,7 @@ from emulators.drive.cia402.objects.mode_rules import (
 )
 from emulators.drive.cia402.objects.profile import SUPPORTED_HOMING
 from emulators.drive.cia402.objects.protection import clear_history, protection_readers
-from emulators.drive.cia402.objects.rules import FACTORS, REQUIRED, axis_checks, axis_readers
+from emulators.drive.cia402.objects.rules import NEVER_ZERO, REQUIRED, axis_checks, axis_readers
 from emulators.drive.cia402.objects.table import all_objects
 from emulators.drive.cia402.parameters import Parameters
 from emulators.drive.cia402.protection import Protection
@@ -54,6 +54,8 @@ from fieldbus.history import History
 if TYPE_CHECKING:
     import numpy as np
 
+_SERVO_DRIVE: Final = 0x00020192
+"""1000h of a servo drive (C402-309)."""
 _CONTROL_PRIORITY: Final = 1
 """The control cycle follows the servo step of the same instant."""
 _STATUSWORD: Final = 0x604100
@@ -274,13 +276,22 @@ class CiA402Drive(MainsDrive):
             (0x6076, 0): round(config.rated_torque_nm * 1000.0),
             (0x6510, 1): config.servo_period_ns // 1000,
         }
-        if config.eds is None:
+        if config.eds is not None:
+            entries = self.slave.store.entries
+            if 0x100000 in entries:
+                derived[0x1000, 0] = _SERVO_DRIVE
+            derived = {
+                (index, sub): value
+                for (index, sub), value in derived.items()
+                if (entry := entries.get(index << 8 | sub)) is None or not entry.given or not entry.default
+            }
+        else:
             listed = list(supported_methods(config.homing))
             derived[0x60E3, 0] = len(listed)
             listed += [0] * (len(SUPPORTED_HOMING) - len(listed))
             derived.update({(0x60E3, sub): method for sub, method in enumerate(listed, 1)})
         self.node.adopt(
-            all_objects(), device="CiA 402 drive", required=REQUIRED, factors=FACTORS, eds=config.eds
+            all_objects(), device="CiA 402 drive", required=REQUIRED, never_zero=NEVER_ZERO, eds=config.eds
         )
         self.node.set_defaults({**derived, **coupled_values(config.objects), **config.objects}, "drive")
 

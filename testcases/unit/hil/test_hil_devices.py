@@ -554,3 +554,149 @@ def test_eds_of_a_bench_without_canopen(capsys):
     """A bench whose drives are all on Modbus has nothing to write, and a sentence says so."""
     assert main(["eds", "profidrive_tcp"]) == 2
     assert "has no emulated CANopen device" in capsys.readouterr().err
+
+
+# -- defaults and units of a vendor's EDS
+# ----------------------------------------------------------------------------------
+
+
+def section(index, name, kind, default=None, *more):
+    """Return a section of an object or sub-object."""
+    lines = [
+        f"[{index}]",
+        f"ParameterName={name}",
+        f"DataType={kind}",
+        "AccessType=rw",
+        "PDOMapping=1",
+        *more,
+    ]
+    return "\n".join([*lines, *([] if default is None else [f"DefaultValue={default}"])]) + "\n\n"
+
+
+def record(index, name, *members):
+    """Return the sections of a record of U32."""
+    text = f"[{index}]\nParameterName={name}\nObjectType=9\n\n" + section(
+        f"{index}sub0", "Count", 5, len(members)
+    )
+    return text + "".join(
+        section(f"{index}sub{sub}", f"{name} {sub}", 7, value) for sub, value in enumerate(members, 1)
+    )
+
+
+RPM_DRIVE = (
+    "[DeviceInfo]\nVendorName=Rpm AG\n\n"
+    + section("1000", "Device type", 7)
+    + section("1001", "Error register", 5)
+    + record("1018", "Identity", 0x2A, 1, 1, 1)
+    + section("6040", "Controlword", 6)
+    + section("6041", "Statusword", 6)
+    + section("6060", "Mode", 2)
+    + section("6061", "Mode display", 2)
+    + section("606C", "Velocity actual value", 4)
+    + section("6076", "Rated torque", 7, 500)
+    + section("607F", "Max profile velocity", 7, 4500, "HighLimit=5000")
+    + section("6080", "Max motor speed", 7, 5000)
+    + section("6083", "Profile acceleration", 7, 1111)
+    + section("6084", "Profile deceleration", 7, 9000)
+    + section("6085", "Quick stop deceleration", 7, 18000)
+    + record("608F", "Encoder", 20000, 5)
+    + record("6091", "Gear", None, None)
+    + record("6099", "Homing speeds", 70, 7)
+    + section("609A", "Homing acceleration", 7, 50, "LowLimit=1", "HighLimit=32000")
+    + section("60A9", "Velocity unit", 7, "0x00B44700")
+    + section("60C5", "Max acceleration", 7, 30000)
+    + section("60C6", "Max deceleration", 7, 0)
+    + section("60FF", "Target velocity", 4)
+)
+"""EDS of a drive whose velocities are in rpm."""
+SAYS = {
+    (0x1000, 0): 0x00020192, (0x6076, 0): 500, (0x607F, 0): 4500, (0x6080, 0): 5000, (0x6083, 0): 1111,
+    (0x6084, 0): 9000, (0x6085, 0): 18000, (0x608F, 1): 20000, (0x608F, 2): 5, (0x6091, 1): 1, (0x6091, 2): 1,
+    (0x6099, 1): 70, (0x6099, 2): 7, (0x609A, 0): 50, (0x60A9, 0): 0x00B44700, (0x60C5, 0): 30000,
+}  # fmt: skip
+
+
+@pytest.fixture
+def rpm_drive(bench_file, tmp_path):
+    """Return a bench file with the drive whose velocities are in rpm, and further keys."""
+    (tmp_path / "rpm.eds").write_text(RPM_DRIVE)
+    return lambda keys="": bench_file(DRIVE + 'eds = "rpm.eds"\n' + keys)
+
+
+def test_defaults_of_the_eds_count(rpm_drive):
+    """What the bench file does not say is as in the EDS, on the bus and in the bench. What the EDS leaves
+    open, or sets to a 0 with which no drive would move, has the default of the bench.
+    """
+    file = rpm_drive()
+    drive = file.config.drive["d"]
+    assert (drive.increments_per_revolution, drive.rated_torque_nm) == (4000, 0.5)
+    assert (drive.max_speed_rpm, drive.off1_ramp_s, drive.off3_ramp_s) == (4500, 0.5, 0.25)
+    with file.build() as bench:
+        slave = bench.drive().slave
+        assert {key: slave.get(*key) for key in SAYS} == SAYS
+        assert slave.get(0x60C6) > 0
+        assert bench.drive().encoder.counts_per_revolution == 4000
+
+
+def test_a_master_that_works_from_the_eds_gets_the_speed_it_commands(rpm_drive):
+    """60FFh = 600 in profile velocity are 600 rpm, and 606Ch says so."""
+    with rpm_drive().build() as bench:
+        drive = bench.drive()
+        slave = drive.slave
+        slave.store.write(0x6060, 0, b"\x03")
+        for word in (0x06, 0x07, 0x0F):
+            slave.store.write(0x6040, 0, word.to_bytes(2, "little"))
+            bench.run_for(0.05)
+        slave.store.write(0x60FF, 0, (600).to_bytes(4, "little"))
+        bench.run_for(2.0)
+        assert drive.core.velocity == pytest.approx(600 * math.tau / 60.0, rel=1e-3)
+        assert slave.get(0x606C) == 0 or abs(int.from_bytes(slave.store.read(0x606C, 0), "little") - 600) <= 1
+
+
+def test_keys_of_the_bench_file_go_before_the_eds(rpm_drive):
+    """A key that is written changes the objects that it stands for, in the units of the EDS, no others."""
+    with rpm_drive("max_speed_rpm = 3000\noff3_ramp_s = 1.0\nrated_torque_nm = 1.5\n").build() as bench:
+        slave = bench.drive().slave
+        changed = {(0x607F, 0): 3000, (0x6080, 0): 3000, (0x6085, 0): 3000, (0x6076, 0): 1500}
+        changed |= {(0x6099, 1): 200, (0x6099, 2): 20}
+        assert {key: slave.get(*key) for key in SAYS} == SAYS | changed
+
+
+def test_a_key_beyond_the_limits_of_the_eds_is_refused(rpm_drive):
+    """A speed that the EDS does not allow is named with its object and the limits."""
+    with pytest.raises(BenchFileError, match=r"max_speed_rpm.*6000.*0 to 5000 in 607Fh:0"):
+        rpm_drive("max_speed_rpm = 6000\n")
+
+
+def test_a_changed_velocity_unit_changes_numbers_and_no_limits(rpm_drive):
+    """A master that sets 60A9h finds the same speeds and ramps in the new unit."""
+    with rpm_drive().build() as bench:
+        slave = bench.drive().slave
+        slave.store.write(0x60A9, 0, (0xFDB44700).to_bytes(4, "little"))  # 10^-3 rpm
+        assert (slave.get(0x607F), slave.get(0x6084), slave.get(0x6099, 2)) == (4_500_000, 9_000_000, 7000)
+
+
+@pytest.mark.parametrize(("exponent", "unit", "rpm"), [(0, 0xA4, 1.0), (0xFD, 0xA4, 1e-3), (0, 0xA3, 60.0)])
+def test_velocity_units_of_older_drives(bench_file, tmp_path, exponent, unit, rpm):
+    """Without 60A9h the unit is that of 608Bh and 608Ch."""
+    older = RPM_DRIVE.replace("[60A9]\nParameterName=Velocity unit", "[60A8]\nParameterName=Position unit")
+    older += section("608B", "Notation index", 2, exponent) + section("608C", "Dimension index", 5, unit)
+    (tmp_path / "older.eds").write_text(older)
+    drive = bench_file(DRIVE + 'eds = "older.eds"\n').config.drive["d"]
+    assert drive.max_speed_rpm == pytest.approx(min(5000, 4500 * rpm))
+
+
+def test_export_and_reload_change_nothing(rpm_drive, tmp_path, capsys):
+    """The exported EDS has the same defaults, and none where the file has none."""
+    rpm_drive()
+    assert main(["eds", str(tmp_path / "bench.toml"), "--output", str(tmp_path / "again.eds")]) == 0
+    first, second = (entries_of(load_dictionary(tmp_path / name), 5) for name in ("rpm.eds", "again.eds"))
+    assert list(first) == list(second)
+    left_open = {0x100000, 0x60C600, 0x609101, 0x609102}  # the bench gives these a value
+    differing = {
+        key
+        for key in first
+        if (first[key].default, first[key].given) != (second[key].default, second[key].given)
+    }
+    assert differing <= left_open
+    assert not second[0x604000].given

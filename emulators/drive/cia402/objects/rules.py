@@ -24,7 +24,25 @@ REQUIRED: Final = (0x6040, 0x6041, 0x6060, 0x6061)
 """Without these an EDS is not that of a drive."""
 FACTORS: Final = (0x608F, 0x6090, 0x6091, 0x6092, 0x6093, 0x6094, 0x6096, 0x6097)
 """Ratios, whose entries are not 0."""
+NEVER_ZERO: Final = frozenset(
+    (
+        *FACTORS,
+        *(0x6072, 0x6073, 0x6075, 0x6076, 0x607F, 0x6080, 0x6083, 0x6084, 0x6085, 0x6099, 0x609A),
+        *(0x60C5, 0x60C6, 0x60E0, 0x60E1),
+    )
+)
+"""Objects with which no drive moves if they are 0: an EDS with this default leaves them open."""
 _PARAMETERS: Final = (0x6072, 0x6073, 0x607C, 0x607F, 0x6080, 0x60C5, 0x60C6, 0x60C8, 0x60C9, 0x60E0, 0x60E1)
+
+
+_UNSIGNED: Final = (0, 0xFFFFFFFF)
+_SIGNED: Final = (-0x80000000, 0x7FFFFFFF)
+IN_VELOCITY_UNITS: Final[dict[int, tuple[int, int]]] = {
+    **dict.fromkeys((0x607F00, 0x608100, 0x608200, 0x609901, 0x609902), _UNSIGNED),
+    **dict.fromkeys((0x608300, 0x608400, 0x608500, 0x609A00, 0x60C500, 0x60C600), _UNSIGNED),
+    **dict.fromkeys((0x60C800, 0x60C900), _SIGNED),
+}
+"""Keys of velocities and accelerations that 60A9h is the unit of, with the range of their type."""
 
 
 def axis_readers(axis: ProfileAxis, dc_link: DcLink) -> dict[int, Callable[[], int | str]]:
@@ -99,11 +117,19 @@ def axis_checks(axis: ProfileAxis, parameters: Parameters) -> dict[int, Callable
     add((0x101001, 0x101002, 0x101003), refuse_while_enabled)
 
     def unit(value: int) -> None:
+        old = values[0x60A900]
         try:
-            velocity_unit_rad_s(value)
+            size = velocity_unit_rad_s(value, axis.units.position)
         except ConfigurationError:
             raise SdoAbort(AbortCode.VALUE) from None
-        outside_operation(value, values[0x60A900])
+        outside_operation(value, old)
+        if value == old:
+            return
+        # What the drive can and does stays what it is; only the numbers that say it change.
+        share = velocity_unit_rad_s(old, axis.units.position) / size
+        for key, (low, high) in IN_VELOCITY_UNITS.items():
+            if values[key] not in (low, high):
+                values[key] = min(max(round(values[key] * share), low), high)
 
     checks[0x60A900] = unit
 
