@@ -67,6 +67,7 @@ class FrameDecoder:
         self._dictionaries = dict(dictionaries or {})
         self._nodes: dict[int, _Node] = {}
         self._pdos: dict[int, tuple[_Node, str, list[int]]] = {}
+        self._lengths: dict[int, int] = {}
         self._emcy: dict[int, _Node] = {}
         self._sync = COB_SYNC
         for node_id in sorted({*self._names, *self._dictionaries}):
@@ -143,8 +144,12 @@ class FrameDecoder:
 
     def mapped_length(self, can_id: int) -> int:
         """Return how many bytes a PDO has by the mapping in effect; 0 for what is none."""
+        return self._lengths.get(can_id, 0)
+
+    def mapping_seen(self, can_id: int) -> bool:
+        """Return whether the mapping of a PDO was written in what the decoder has seen since the boot-up."""
         pdo = self._pdos.get(can_id)
-        return 0 if pdo is None else (sum(raw & 0xFF for raw in pdo[2]) + 7) // 8
+        return pdo is not None and pdo[0].mapping_seen(pdo[1])
 
     def emcy_node(self, can_id: int) -> int:
         """Return the node-ID to which the identifier of an EMCY belongs; 0 when it is none."""
@@ -272,6 +277,7 @@ class FrameDecoder:
     def _index(self) -> None:
         """Make the tables of identifiers from the values of all nodes."""
         self._pdos.clear()
+        self._lengths.clear()
         self._emcy.clear()
         for node in self._nodes.values():
             emcy = node.values.get(0x101400, COB_EMCY + node.node_id)
@@ -288,6 +294,7 @@ class FrameDecoder:
                 count = min(node.values.get(mapping_key, 0), 64)
                 mapping = [node.values.get(mapping_key | sub, 0) for sub in range(1, count + 1)]
                 self._pdos[cob_id & 0x7FF] = (node, title, mapping)
+                self._lengths[cob_id & 0x7FF] = (sum(raw & 0xFF for raw in mapping) + 7) // 8
 
 
 class _Node:
@@ -313,6 +320,12 @@ class _Node:
         self.words: list[tuple[int, int, Callable[[int, Sequence[int]], list[str]]]] = []
         """Free process data words: first index, count, description."""
         self.sdo = SdoListener(self)
+        self._written: set[int] = set()
+        """Mapping records that were written since the boot-up."""
+
+    def mapping_seen(self, title: str) -> bool:
+        """Return whether the mapping of RPDO or TPDO `title` was written since the boot-up."""
+        return (0x1600 if title[0] == "R" else 0x1A00) + int(title[4:]) - 1 in self._written
 
     def describe_words(self, mapping: Sequence[int], content: int, bits: int) -> list[str]:
         """Return the signals of a PDO that holds consecutive free words and
@@ -344,6 +357,8 @@ class _Node:
         """Take a successful write."""
         if index >= 0x2000:
             return
+        if 0x1600 <= index < 0x1800 or index >= 0x1A00:
+            self._written.add(index)
         value = int.from_bytes(data, "little")
         if index == 0x1010:
             if value == SAVE and sub in (1, 2):
@@ -358,6 +373,7 @@ class _Node:
     def reset(self) -> None:
         """Take stored or default values, as the node does before its boot-up."""
         self.values = self._defaults | self._stored
+        self._written.clear()
         self.sdo.reset()
 
     def describe(self, index: int, sub: int, data: bytes) -> str:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from hil.logs import LogTrace
     from hil.record import BusFrame
 
+_SAVED_FRAMES: Final = 2_000_000
 _FORM: Final = (
     "a list EXPECTATIONS of expectations of hil.expect, a dictionary of such lists by case, or a function "
     "expectations(trace) that returns one of them"
@@ -77,10 +78,12 @@ def judge_log(request: JudgeRequest) -> int:
             run.cases.append(_judge(request, recording, name, expectations, without))
         request.report.mkdir(parents=True, exist_ok=True)
         paths = finish(run, request.report)
+        saved = _save(recording.trace, request)
     if request.as_json:
         print_json(
             {
                 **summary(run, report=str(paths.report), junit=str(paths.junit)),
+                "trace": "" if saved is None else str(saved),
                 "notes": recording.notes,
                 "cases": [
                     {"case": case.identifier, "verdict": case.verdict.value, "checks": _plain(case.checks)}
@@ -90,7 +93,21 @@ def judge_log(request: JudgeRequest) -> int:
         )
     _tell(run, recording)
     tell(run, paths)
+    if saved is not None:
+        console().print(f"trace: {saved}", markup=False)
     return exit_code(run)
+
+
+def _save(trace: Trace, request: JudgeRequest) -> Path | None:
+    """Save what was decoded next to the report; None for what was a saved trace before.
+
+    A log of millions of frames is saved without them: they are in the log.
+    """
+    if not trace.from_log:
+        return None
+    if sum(len(trace.raw_frames(bus)) for bus in trace.buses) > _SAVED_FRAMES:
+        trace = trace.without_frames()
+    return trace.save(request.report / "trace.npz")[0]
 
 
 def _rules_text(trace: Trace) -> str:

@@ -66,6 +66,12 @@ class LogNode:
         """Whether a drive has sent its state or values."""
         self._led: bool | None = None
         """Whether process data come; None before the first."""
+        self._state = ""
+        """State of the drive as the last status word told it; empty: not known."""
+        self._fitted_ns: dict[int, int] = {}
+        """Process data -> time of the last one of the mapping known."""
+        self._misfits: set[int] = set()
+        """Process data that were of another length the last time."""
 
     def begin(self, time_ns: int) -> None:
         """Take the begin of the log: until its first frame nothing is known of the node."""
@@ -144,6 +150,30 @@ class LogNode:
         elif pdo.stayed_away(sync_ns):
             self.unknown(pdo.time_ns, time_ns, _STAYED_AWAY.format(can_id), values=True)
         pdo.take(time_ns, sync_ns)
+
+    def misfit(
+        self, time_ns: int, can_id: int, length: int, wanted: int, *, sync_ns: int | None, sent: bool
+    ) -> None:
+        """Take process data of another length than the mapping known: what is in them is not known, nor was
+        it since the last ones that fitted.
+        """
+        self._takes_part(time_ns, can_id, sync_ns, sent=sent)
+        if can_id in self._misfits:
+            return
+        self._misfits.add(can_id)
+        reason = f"its process data {can_id:03X}h have {length} bytes, {wanted} by the mapping known"
+        since_ns = self._fitted_ns.get(can_id, self._begun_ns)
+        for name in self._names():
+            self._emit(since_ns, name, "log.silent", reason=reason, values=True, about=f"{can_id:03X}h")
+        self._state = ""
+
+    def fits(self, time_ns: int, can_id: int) -> None:
+        """Take note that process data have the length of the mapping known."""
+        self._fitted_ns[can_id] = time_ns
+        if can_id in self._misfits:
+            self._misfits.remove(can_id)
+            for name in self._names():
+                self._emit(time_ns, name, "log.heard", values=True, about=f"{can_id:03X}h")
 
     def error_control(self, time_ns: int, data: bytes) -> None:
         """Take boot-up, heartbeat or guarding answer."""
@@ -233,7 +263,6 @@ class Cia402Node(LogNode):
 
     def __init__(self, facts: NodeFacts, emit: Emit) -> None:
         super().__init__(facts, emit)
-        self._state = ""
         self._tripped = 0
         self._status_ns = 0
         axis = facts.axis
@@ -320,7 +349,6 @@ class ProfidriveNode(LogNode):
         self._setpoint, self._actual = facts.telegram.setpoint, facts.telegram.actual
         self._out = bytearray(self._setpoint.length)
         self._back = bytearray(self._actual.length)
-        self._state = ""
         self._fault = False
         self._number = 0
         axis = facts.axis

@@ -226,7 +226,7 @@ class _Reading:
         here = {node.facts.node_id: node for node in self.nodes if node.facts.segment == segment}
         bus = _Bus(segment, list(here.values()), self._emit)
         unknown: dict[int, int] = {}
-        lengths: dict[int, int] = {}
+        misfits: dict[tuple[int, int, int, bool], int] = {}
         for node in here.values():
             node.begin(log.first_ns)
         for time_ns, _, frame, error in log:
@@ -244,11 +244,17 @@ class _Reading:
                 continue
             found = decoder.mapped(frame)
             if found is not None and found[0] in here:
-                if can_id not in lengths:
-                    lengths[can_id] = len(frame.data)
+                node = here[found[0]]
                 service = can_id & 0x780
                 sent = service in (0x180, 0x280, 0x380, 0x480) or service not in (0x200, 0x300, 0x400, 0x500)
-                here[found[0]].process_data(time_ns, found[1], can_id, sync_ns=bus.sync_ns, sent=sent)
+                length, wanted = len(frame.data), decoder.mapped_length(can_id)
+                if length != wanted:
+                    key = (can_id, length, wanted, decoder.mapping_seen(can_id))
+                    misfits[key] = misfits.get(key, 0) + 1
+                    node.misfit(time_ns, can_id, length, wanted, sync_ns=bus.sync_ns, sent=sent)
+                    continue
+                node.fits(time_ns, can_id)
+                node.process_data(time_ns, found[1], can_id, sync_ns=bus.sync_ns, sent=sent)
                 continue
             node_id = decoder.emcy_node(can_id)
             if node_id in here:
@@ -265,21 +271,24 @@ class _Reading:
             decoder.observe(frame)
         for node in here.values():
             node.end(log.last_ns)
-        self._compare(segment, lengths, here)
+        self._compare(segment, misfits, here)
         return unknown
 
-    def _compare(self, segment: str, lengths: Mapping[int, int], here: Mapping[int, LogNode]) -> None:
-        """Note process data of another length than by the bench file: the sign of another mapping, or of
+    def _compare(
+        self, segment: str, misfits: Mapping[tuple[int, int, int, bool], int], here: Mapping[int, LogNode]
+    ) -> None:
+        """Note process data of another length than by the mapping known: the sign of another mapping, or of
         another bench.
         """
         decoder = self._words[segment]
-        for can_id, length in sorted(lengths.items()):
-            wanted = decoder.mapped_length(can_id)
-            if length != wanted:
-                self.notes.append(
-                    f"{here[decoder.pdo_ids[can_id]].facts.name}: process data {can_id:03X}h have {length} "
-                    f"bytes, {wanted} by the bench file"
-                )
+        for (can_id, length, wanted, seen), count in sorted(misfits.items()):
+            owner = here.get(decoder.pdo_ids.get(can_id, 0))
+            name = "a node" if owner is None else owner.facts.name
+            whose = "that the log shows being written" if seen else "of the bench file"
+            self.notes.append(
+                f"{name}: process data {can_id:03X}h are not judged where they have {length} bytes ({count} "
+                f"frames): {wanted} by the mapping {whose}"
+            )
 
     def decode(self, frame: BusFrame) -> str:
         """Return a frame in words, by the mapping at the end of the log."""

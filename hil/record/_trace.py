@@ -244,9 +244,10 @@ class Trace:
         if not self.from_log:
             return []
         found: list[tuple[float, float, str]] = []
-        begun: dict[tuple[str, Scalar], Event] = {}
+        begun: dict[tuple[str, Scalar, Scalar], Event] = {}
         for entry in self.select(source=component or None, kind="log."):
-            key = (entry.source, entry.data["values"])
+            # What is about one kind of frame ends by itself, whatever else is heard of the node.
+            key = (entry.source, entry.data["values"], entry.data.get("about", ""))
             if entry.data["values"] and not values:
                 continue
             if entry.kind == "log.silent":
@@ -356,6 +357,16 @@ class Trace:
             frames={bus: [e for e in log if start <= e[0] <= end] for bus, log in self._raw_frames.items()},
             constants=self.constants,
             end_ns=min(self.end_ns, end),
+            vocabulary=self.vocabulary,
+        )
+
+    def without_frames(self) -> Trace:
+        """Return signals and events alone."""
+        return Trace(
+            self.groups,
+            events=self.events,
+            constants=self.constants,
+            end_ns=self.end_ns,
             vocabulary=self.vocabulary,
         )
 

@@ -75,8 +75,8 @@ EVENT_DETAILS: Final[Mapping[str, tuple[str, ...]]] = {
     "job.in_velocity": _JOB,
     "job.leaves_velocity": _JOB,
     "job.started": _JOB,
-    "log.heard": ("values",),
-    "log.silent": ("reason", "values"),
+    "log.heard": ("values", "about"),
+    "log.silent": ("reason", "values", "about"),
     "nmt.state": ("from", "to"),
     "power.status": ("value",),
 }

@@ -425,6 +425,9 @@ def test_the_command_judges_and_reports(log_file, tmp_path, capsys, by, more, co
     answer = json.loads(capsys.readouterr().out)
     assert [case["verdict"] for case in answer["cases"]] == verdicts
     assert "are judged: state transitions of drive1" in answer["notes"][-1]
+    assert Path(answer["trace"]) == report / "trace.npz"
+    assert main(["export", answer["trace"], "--output", str(tmp_path / "again.log")]) == 0
+    assert read_bus_log(tmp_path / "again.log").frames == read_bus_log(log_file).frames
     page = (report / "report.html").read_text()
     packed_cases = page.split('id="data-case-')[1:]
     data = [unpacked(one.partition(">")[2].partition("<")[0]) for one in packed_cases]

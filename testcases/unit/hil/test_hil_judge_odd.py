@@ -190,15 +190,36 @@ def test_the_bench_file_of_another_machine_proves_nothing(lines, tmp_path, bench
 
 
 @pytest.mark.exhaustive
-def test_process_data_of_another_length_are_noted(lines, tmp_path):
-    """Shorter process data than the mapping of the bench file are the sign of another mapping."""
+def test_process_data_of_another_length_are_not_judged(lines, tmp_path):
+    """Shorter or longer process data than the mapping known are blocked while they come, never decoded by
+    it; the note says which mapping that is.
+    """
+    unmapped = [line for line in lines if " 605#" not in line and " 585#" not in line]
+    for change, length in ((r" 185#\1", 2), (r" 185#\g<1>0011223344", 7)):
+        short = [re.sub(r" 185#(....).*", change, line) for line in unmapped]
+        log = decode(written(tmp_path, short))
+        note = f"drive1: process data 185h are not judged where they have {length} bytes"
+        assert note in " ".join(log.notes)
+        assert "8 by the mapping of the bench file" in " ".join(log.notes)
+        assert set(verdicts(log.trace).values()) <= {"passed", "blocked"}
+        assert {"rest", "place", "off"} <= {k for k, v in verdicts(log.trace).items() if v == "blocked"}
+        assert not list(log.trace.select(kind="drive.state"))
+
+
+def test_another_mapping_for_a_time(lines, tmp_path):
+    """What is decoded before and after a time of misfits is judged; a mapping that is written in the log is
+    known, and the note says so.
+    """
     short = [
-        re.sub(r" 185#(....).*", r" 185#\1", line)
-        for line in lines
-        if " 605#" not in line and " 585#" not in line
+        re.sub(r" 185#(....).*", r" 185#\1", line) if 1.2 < time_of(line) < 1.3 else line for line in lines
     ]
     log = decode(written(tmp_path, short))
-    assert "drive1: process data 185h have 2 bytes, 8 by the bench file" in " ".join(log.notes)
+    assert "8 by the mapping that the log shows being written" in " ".join(log.notes)
+    assert verdicts(log.trace) == blocked("rest", "place", "off")
+    check = WORDS["rest"].evaluate(log.trace)[0]
+    assert "its process data 185h have 2 bytes, 8 by the mapping known" in check.observed
+    (silence,) = log.trace.silences("drive1")
+    assert silence[:2] == pytest.approx((1.2, 1.3), abs=0.01)
 
 
 @pytest.mark.exhaustive
