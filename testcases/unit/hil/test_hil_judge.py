@@ -5,6 +5,7 @@ say what is wrong.
 import json
 import shutil
 import subprocess
+from pathlib import Path
 
 import can
 import pytest
