@@ -50,7 +50,7 @@ def with_dsc(config: BenchConfig) -> BenchConfig:
     """Return a bench configuration with a bus cycle of 1 ms whose axes leave the position to their drives."""
     axes = {
         name: axis.model_copy(update={"variables": {**axis.variables, "PositionControl.EnableDSC": True}})
-        for name, axis in config.axis.items()
+        for name, axis in config.s7_axes.items()
     }
     bench = config.bench.model_copy(update={"cycle_ms": 1})
     return config.model_copy(update={"bench": bench, "axis": axes})

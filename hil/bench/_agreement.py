@@ -21,6 +21,7 @@ from hil.bench.drive_config import (
     ProfidriveModbusTable,
 )
 from hil.bench.io_config import LIMITS
+from hil.bench.nc_axis_config import NcAxisTable
 from hil.bench.segment_config import RtuTable, TcpTable
 from motion.s7.compatibility import LEVELS
 
@@ -207,13 +208,19 @@ class _References:
     def _axis(self, name: str) -> None:
         axis, where = self._config.axis[name], f"axis.{name}"
         self._refer(f"{where}.drive", "drive", axis.drive)
+        if isinstance(axis, NcAxisTable):
+            return
         if axis.inputs is not None:
             self._refer(f"{where}.inputs", "station", axis.inputs)
         for leader in axis.leading:
             self._refer(f"{where}.leading", "axis", leader)
             if leader == name:
                 raise ValueError(f"{where}.leading: {leader!r} is the axis itself")
-            if self._config.axis[leader].type == "speed":
+            led = self._config.axis[leader]
+            if isinstance(led, NcAxisTable):
+                text = f"{where}.leading: {leader!r} is an axis of an NC, which leads no other make"
+                raise ValueError(text)  # noqa: TRY004 - it becomes a message about the file
+            if led.type == "speed":
                 raise ValueError(f"{where}.leading: {leader!r} is a speed axis, which has no position")
         for one in axis.encoders or ():
             if f"encoder.{one}" in self._mistakes.tables:
@@ -289,11 +296,17 @@ class _Fitting:
         if isinstance(drive, (Cia402DriveTable, ProfidriveCanTable)):
             _own_file(self._files, where, drive.storage)
 
-    def _axis(self, name: str, axis: AxisTable) -> None:
+    def _axis(self, name: str, axis: AxisTable | NcAxisTable) -> None:
         where = f"axis.{name}"
         owner = self._driven.setdefault(axis.drive, name)
         if owner != name:
             raise ValueError(f"{where}.drive: {axis.drive!r} already belongs to axis.{owner}")
+        if isinstance(axis, NcAxisTable):
+            if not self._config.drive[axis.drive].encoder_value:
+                raise ValueError(
+                    f"{where}.drive: {axis.drive!r} brings no encoder value, which an axis needs"
+                )
+            return
         self._encoders_of_axis(name, axis)
         self._config.drive[axis.drive].check_axis(where, axis)
         self._inputs(where, axis)
@@ -478,7 +491,11 @@ def _check_contents(config: BenchConfig, mistakes: _Mistakes) -> None:
         own_eds = isinstance(node, (Cia402DriveTable, DeviceTable)) and node.eds is not None
         if own_eds and config.place_of(name) not in wrong:
             mistakes.of(config.place_of(name), partial(_read, config.place_of(name), node.dictionary))
-    for name, axis in config.axis.items():
+    for name, nc_axis in config.nc_axes.items():
+        if not {f"axis.{name}", f"drive.{nc_axis.drive}"} & wrong:
+            read = partial(nc_axis.parameters_of, config.drive[nc_axis.drive])
+            mistakes.of(f"axis.{name}", partial(_read, f"axis.{name}", read))
+    for name, axis in config.s7_axes.items():
         parts = {f"axis.{name}", f"drive.{axis.drive}", *(f"encoder.{one}" for one in axis.encoders or ())}
         if not parts & wrong:
             mistakes.of(f"axis.{name}", partial(_read, f"axis.{name}", partial(config.variables_of, name)))

@@ -14,7 +14,7 @@ from pydantic import BaseModel, Discriminator, Tag
 from pydantic.fields import FieldInfo
 from typing_extensions import Doc
 
-CHOOSING: Final = ("profile", "kind", "type")
+CHOOSING: Final = ("profile", "kind", "controller", "type")
 """Keys that choose the model of a table."""
 _UNITS: Final[Mapping[str, str]] = {
     "_n_per_m_s": "N per m/s",

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import (
     BeforeValidator,
+    Discriminator,
     Field,
     PlainValidator,
+    Tag,
     ValidationError,
     WithJsonSchema,
     model_validator,
@@ -16,6 +18,7 @@ from pydantic import (
 
 from fieldbus.toml_text import number_hint
 from hil.bench._table import Table, sentence
+from hil.bench.nc_axis_config import NcAxisTable
 from motion.s7.variables import elements, refused_values, variables_of
 
 OBJECTS: Final[Mapping[str, str]] = {
@@ -112,6 +115,12 @@ HomingInput = Literal["home", "negative_limit", "positive_limit"]
 class AxisTable(Table, frozen=True):
     """`[axis.NAME]`: a technology object."""
 
+    label: ClassVar[str] = 'an axis with controller = "s7"'
+
+    controller: Literal["s7"] = "s7"
+    """Make of the controller: `s7` for technology objects, `nc` for an axis of an NC
+    ([NC axes](nc-axis.md)).
+    """
     type: Literal["positioning", "speed", "synchronous"] = "positioning"
     """Technology object."""
     drive: str
@@ -160,6 +169,19 @@ class AxisTable(Table, frozen=True):
             )
         check_variables(OBJECTS[self.type], self.variables)
         return self
+
+
+def _controller_of(table: Any) -> Any:
+    """Return the tag of the model: the make of the controller."""
+    if isinstance(table, AxisTable | NcAxisTable):
+        return table.controller
+    return table.get("controller", "s7") if isinstance(table, dict) else None
+
+
+AnyAxis = Annotated[
+    Annotated[AxisTable, Tag("s7")] | Annotated[NcAxisTable, Tag("nc")], Discriminator(_controller_of)
+]
+"""`[axis.NAME]`, chosen by its key `controller`."""
 
 
 class ExternalEncoderTable(Table, frozen=True):

@@ -11,7 +11,7 @@ import gc
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from types import TracebackType
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Any, Final, Literal, Self, overload
 
 from fieldbus.clock import MS, RealtimeScheduler, S, Scheduler, VirtualScheduler
 from fieldbus.errors import ConfigurationError, UnknownAttributeError
@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from hil.protocols import Device, Drive, Encoder
     from motion.drives.profidrive_encoder import ProfidriveEncoderPort
     from motion.drives.station import StationLink
+    from motion.nc.handles import NcAxisHandle
+    from motion.nc.tasks import NcRuntime
     from motion.s7.cam_handle import CamHandle
     from motion.s7.controller import Controller
     from motion.s7.handles import AxisHandle, EncoderHandle
@@ -140,6 +142,8 @@ class Bench:
             if self.kind == "live":
                 stack.callback(self._control.release_drives)
             stack.callback(self.runtime.stop)
+            if self._control.nc is not None:
+                stack.callback(self._control.nc.stop)
             self._segments.record_requests(self.recorder, self.runtime.after_cycle)
             self.runtime.after_cycle.append(self._after_cycle)
             self._texts = FrameTexts(config, self._segments, self._control.ports)
@@ -194,9 +198,43 @@ class Bench:
 
     # -- parts ----------------------------------------------------------------------------------------------
 
-    def axis(self, name: str | None = None) -> AxisHandle:
-        """Return an axis by name, or the first one."""
-        return named("axis", self._control.axes, name)
+    @overload
+    def axis(self, name: str | None = None) -> AxisHandle: ...
+
+    @overload
+    def axis(self, name: str | None = None, *, controller: Literal["nc"]) -> NcAxisHandle: ...
+
+    def axis(self, name: str | None = None, *, controller: str | None = None) -> Any:
+        """Return an axis by name, or the first one: an `AxisHandle`, or an `NcAxisHandle` where the bench
+        file says `controller = "nc"`.
+
+        Args:
+            name: The axis; None: the first one.
+            controller: `nc`: it has to be an axis of an NC, which typed code thereby knows; None: any.
+
+        Raises:
+            ConfigurationError: There is no such axis.
+
+        """
+        control = self._control
+        if controller == "nc":
+            return named("axis of an NC", control.nc_axes, name)
+        if not control.nc_axes:
+            return named("axis", control.axes, name)
+        found = {**control.axes, **control.nc_axes}
+        return named("axis", {one: found[one] for one in self.config.axis}, name)
+
+    @property
+    def nc(self) -> NcRuntime:
+        """The NC: its tasks and its PLC program.
+
+        Raises:
+            ConfigurationError: The bench has no axis of one.
+
+        """
+        if self._control.nc is None:
+            raise ConfigurationError("bench", "nc", 'an axis with controller = "nc"; this bench has none')
+        return self._control.nc
 
     def golden(self, axis: str | None = None) -> ReferenceAxis:
         """Return the golden numbers of an axis by name, or of the first one.
@@ -511,7 +549,9 @@ class Bench:
         """Return the axes with their states and pending alarms: `x STANDSTILL
         at 0 mm; z DISABLED, alarm 521`.
         """
-        return "; ".join(axis.summary() for axis in self._control.axes.values())
+        control = self._control
+        texts = [axis.summary() for axis in control.axes.values()]
+        return "; ".join([*texts, *(axis.summary() for axis in control.nc_axes.values())])
 
     if not TYPE_CHECKING:
 

@@ -9,7 +9,7 @@ from typing import Final
 from pydantic import Field
 
 from hil.bench._table import Table
-from hil.bench.axis_config import OBJECTS, AxisTable, ExternalEncoderTable, second_of
+from hil.bench.axis_config import OBJECTS, AnyAxis, AxisTable, ExternalEncoderTable, second_of
 from hil.bench.bench_config import BenchTable, ToleranceTable
 from hil.bench.cam_config import CamTable
 from hil.bench.device_config import DeviceTable
@@ -26,6 +26,7 @@ from hil.bench.drive_config import (
 from hil.bench.drive_tables import second_encoder_variables
 from hil.bench.encoder_config import AnyEncoder, EncoderTable
 from hil.bench.io_config import StationTable
+from hil.bench.nc_axis_config import NcAxisTable
 from hil.bench.segment_config import AnySegment
 from hil.bench.units import taken_over_in_unit
 from motion.s7.axis.configuration import encoders_of_telegram, given_values
@@ -55,12 +56,22 @@ class BenchConfig(Table, frozen=True):
     """Emulated CANopen devices of any kind, by name."""
     station: dict[str, StationTable] = {}
     """Emulated I/O stations on Modbus, by name."""
-    axis: dict[str, AxisTable] = {}
-    """Axes by name: technology objects that move a drive."""
+    axis: dict[str, AnyAxis] = {}
+    """Axes by name: technology objects that move a drive, or axes of an NC."""
     external_encoder: dict[str, ExternalEncoderTable] = {}
     """External encoders by name: technology objects that read an encoder."""
     cam: dict[str, CamTable] = {}
     """Cams by name: technology objects with the function that a following axis follows."""
+
+    @property
+    def s7_axes(self) -> dict[str, AxisTable]:
+        """Axes that are technology objects, by name."""
+        return {name: one for name, one in self.axis.items() if isinstance(one, AxisTable)}
+
+    @property
+    def nc_axes(self) -> dict[str, NcAxisTable]:
+        """Axes of an NC, by name."""
+        return {name: one for name, one in self.axis.items() if isinstance(one, NcAxisTable)}
 
     @property
     def devices(self) -> dict[str, DriveTable | EncoderTable | DeviceTable]:
@@ -96,7 +107,7 @@ class BenchConfig(Table, frozen=True):
     def used_encoders(self) -> set[str]:
         """Encoders that an axis or an external encoder reads."""
         used = {one.encoder for one in self.external_encoder.values()}
-        used.update(name for axis in self.axis.values() for name in axis.encoders or ())
+        used.update(name for axis in self.s7_axes.values() for name in axis.encoders or ())
         return used
 
     def leads(self, segment: str) -> bool:
@@ -116,7 +127,7 @@ class BenchConfig(Table, frozen=True):
         """Return where the encoders of an axis come from: as it says, or both of telegram 6 and 106
         (CFG-282); None: the drive.
         """
-        axis = self.axis[name]
+        axis = self.s7_axes[name]
         if axis.encoders is not None or axis.type == "speed":
             return axis.encoders
         drive = self.drive[axis.drive]
@@ -136,7 +147,7 @@ class BenchConfig(Table, frozen=True):
         """Return the start values of the variables of an axis: what it says, and otherwise what follows from
         drive, encoders, switches and wires.
         """
-        axis = self.axis[name]
+        axis = self.s7_axes[name]
         drive = self.drive[axis.drive]
         values: dict[str, object] = dict(drive.taken_over())
         if axis.type != "speed":
@@ -156,7 +167,7 @@ class BenchConfig(Table, frozen=True):
             ConfigurationError: They do not fit together.
 
         """
-        axis = self.axis[name]
+        axis = self.s7_axes[name]
         values = given_values(self.start_values(name))
         store = VariableStore(OBJECTS[axis.type], values, name=name)
         RampTimes(store, axis.ramp_times, values)
@@ -182,7 +193,7 @@ class BenchConfig(Table, frozen=True):
 
     def inputs_of_axis(self, name: str) -> str | None:
         """Return the station to which the switches of an axis are wired; None: those at its drive count."""
-        axis = self.axis[name]
+        axis = self.s7_axes[name]
         drive = self.drive[axis.drive]
         if axis.inputs is None and isinstance(drive, AnalogDriveTable):
             return drive.station(axis.drive, self.station)

@@ -30,10 +30,13 @@ if TYPE_CHECKING:
     from hil.bench.config import BenchConfig
     from hil.bench.drive_ports import Port
     from hil.bench.encoders import EncoderNodes
+    from hil.bench.nc_axis_config import NcAxisTable
     from hil.bench.segments import Segments
     from hil.record import Recorder
     from motion.drives.encoder import EncoderPort
     from motion.drives.station import StationLink
+    from motion.nc.handles import NcAxisHandle
+    from motion.nc.tasks import NcRuntime
     from motion.s7.axis import TechnologyAxis
     from motion.s7.runtime import Runtime
 
@@ -78,6 +81,9 @@ class ControlSystem:
         """Encoders with a node of their own; None: there are none."""
         self._encoder_ports: dict[str, EncoderPort] = {}
         self.axes: dict[str, AxisHandle] = {}
+        self.nc: NcRuntime | None = None
+        """The NC; None: the bench has no axis of one."""
+        self.nc_axes: dict[str, NcAxisHandle] = {}
         self.external_encoders: dict[str, EncoderHandle] = {}
         self.cams: dict[str, CamHandle] = {}
         self._buses = ControllerBuses(config, segments.masters, self.ports, self.links)
@@ -86,10 +92,13 @@ class ControlSystem:
         if config.encoder:
             self._connect_encoders(segments)
         errors = ErrorCollector()
-        for name, section in config.axis.items():
+        for name, section in config.s7_axes.items():
             with errors.located(f"axis.{name}"):
                 self._add_axis(name, section)
-        for name, section in config.axis.items():
+        for name, nc_section in config.nc_axes.items():
+            with errors.located(f"axis.{name}"):
+                self._add_nc_axis(name, nc_section)
+        for name, section in config.s7_axes.items():
             if section.leading and name in self.axes:
                 self.axes[name].object.leading_objects = tuple(
                     self.axes[leader].object for leader in section.leading if leader in self.axes
@@ -173,6 +182,37 @@ class ControlSystem:
         self.axes[name] = AxisHandle(self._runtime, axis)
         self._record(name, axis)
         self._note_limits(name, axis)
+
+    def _add_nc_axis(self, name: str, section: NcAxisTable) -> None:
+        from motion.nc.axis import TRACE_COLUMNS, NcAxis
+        from motion.nc.device import PortDevice
+        from motion.nc.handles import NcAxisHandle
+        from motion.nc.tasks import NcRuntime
+
+        runtime = self._runtime
+        if self.nc is None:
+            self.nc = NcRuntime(
+                self._scheduler,
+                cycle_ns=runtime.cycle_ns,
+                phase_ns=runtime.phase_ns,
+                plc_cycles=runtime.program_cycles,
+                history=self._history,
+            )
+        drive = self._config.drive[section.drive]
+        port = self.ports.add(section.drive)
+        axis = NcAxis(
+            name,
+            number=len(self.nc_axes) + 1,
+            parameters=section.parameters_of(drive),
+            device=PortDevice(port, rpm_per_unit=60.0 / section.feed_of(drive)),
+            saf_cycle_s=runtime.cycle_ns / S,
+            analog=drive.bus == "station",
+            history=self._history,
+        )
+        self.nc_axes[name] = NcAxisHandle(self.nc, self.nc.add(axis))
+        group = self._recorder.add_group(name, TRACE_COLUMNS, axis.trace_row)
+        runtime.after_cycle.append(group.sample)
+        self._recorder.set_constant(f"{name}.cycle_s", axis.cycle_s)
 
     def _encoder_of_axis(self, section: AxisTable, encoder: str) -> EncoderPort | Port:
         """Return the port to an encoder of an axis."""
@@ -265,6 +305,9 @@ class ControlSystem:
         self._buses.lead()
         if self._config.bench.memory_card is not None:
             self._runtime.insert_card(Path(self._config.bench.memory_card))
+        if self.nc is not None:
+            # In front of the other controller, whose cycle ends with the recording.
+            self.nc.start()
         self._runtime.start()
         if self.encoder_nodes is not None:
             wait_for_encoders(self._scheduler, self.encoder_nodes)
@@ -280,6 +323,9 @@ class ControlSystem:
             or self.ports.missing(self._config.axis[name].drive)
             or self._programmed(axis)
             for name, axis in ((name, handle.object) for name, handle in self.axes.items())
+        ) and all(
+            handle.object.device.valid or self.ports.missing(self._config.axis[name].drive)
+            for name, handle in self.nc_axes.items()
         )
 
     @staticmethod
@@ -292,5 +338,7 @@ class ControlSystem:
         two cycles of SYNC make it act.
         """
         self._runtime.stop()
+        if self.nc is not None:
+            self.nc.stop()
         if self.ports.release():
             self._scheduler.run_for(2 * self._runtime.cycle_ns)

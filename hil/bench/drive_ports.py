@@ -62,7 +62,7 @@ class DrivePorts:
     def add(self, name: str) -> Port:
         """Make the port to drive `name`."""
         config = self._config
-        axis = next((one for one in config.axis.values() if one.drive == name), None)
+        axis = next((one for one in config.s7_axes.values() if one.drive == name), None)
         site = PortSite(
             name=name,
             bench=config.bench,

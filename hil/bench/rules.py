@@ -59,7 +59,7 @@ class AxisFacts:
 
     def __init__(self, config: BenchConfig, name: str) -> None:
         self.name = name
-        self.table = config.axis[name]
+        self.table = config.s7_axes[name]
         self.drive_name = self.table.drive
         self.drive: DriveTable = config.drive[self.table.drive]
         self.cycle_s = config.bench.cycle_ms / 1000.0
@@ -601,7 +601,7 @@ def findings(config: BenchConfig) -> list[Finding]:
 
     """
     found = []
-    for name in config.axis:
+    for name in config.s7_axes:
         facts = AxisFacts(config, name)
         for rule in RULES:
             keys = facts.keys(rule.keys)

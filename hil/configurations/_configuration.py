@@ -142,7 +142,7 @@ def _count_in_units(tables: Table, machine: Machine) -> None:
     """Give the numbers of the axis in its own units, and adjust its absolute encoder."""
     row = machine.row
     length, velocity = units_of(row)
-    table = BenchFile("configuration", tomli_w.dumps(tables)).config.axis[_AXIS]
+    table = BenchFile("configuration", tomli_w.dumps(tables)).config.s7_axes[_AXIS]
     own: Table = tables["axis"][_AXIS]["variables"]
     own |= variables_in_units(table, length, velocity)
     if row["encoder"] != "incremental":

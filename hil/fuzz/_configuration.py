@@ -124,7 +124,7 @@ def _in_units(bench_file: OwnBenchFile, length: int, velocity: int) -> JsonObjec
     """
     tables = {
         name: {"variables": variables_in_units(axis, length, velocity)}
-        for name, axis in bench_file.config.axis.items()
+        for name, axis in bench_file.config.s7_axes.items()
         if axis.type != "speed"
     }
     return {"axis": tables}

@@ -47,7 +47,7 @@ class _Tables:
     """Makes tables of a bench file for its first axis and the drive of that."""
 
     def __init__(self, config: BenchConfig) -> None:
-        self.axis, section = next(iter(config.axis.items()))
+        self.axis, section = next(iter(config.s7_axes.items()))
         self.drive = section.drive
         kind = OBJECTS[section.type]
         self._paths = {path for variable in variables_of(kind) for path in elements(variable)}
@@ -244,7 +244,7 @@ def configurations(config: BenchConfig) -> SearchStrategy[Configuration]:
     """
     tables = _Tables(config)
     drive = config.drive[tables.drive]
-    axis = config.axis[tables.axis]
+    axis = config.s7_axes[tables.axis]
     parts = {**_controller(tables, config), **_machine(tables, drive)}
     if axis.type != "speed":
         parts.update(_dynamics(tables))

@@ -1,0 +1,103 @@
+"""`[axis.NAME]` with `controller = "nc"`: an axis of an NC controller."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+from pydantic import Field, PlainValidator, ValidationError, WithJsonSchema, model_validator
+
+from fieldbus.errors import ConfigurationError
+from fieldbus.toml_text import number_hint
+from hil.bench._table import Table, sentence
+from motion.nc.parameters import ParameterSet, catalogue, known_key
+
+if TYPE_CHECKING:
+    from hil.bench.drive_config import DriveTable
+
+
+def _value(value: object) -> object:
+    if not isinstance(value, bool | int | float | str):
+        text = f"allowed: a number, a text, true or false{number_hint(value)}"
+        raise ValueError(text)  # noqa: TRY004 - it becomes a message about the file
+    return value
+
+
+ParameterValue = Annotated[
+    bool | int | float | str,
+    PlainValidator(_value),
+    WithJsonSchema({"type": ["number", "boolean", "string"]}),
+]
+
+
+class NcAxisTable(Table, frozen=True):
+    """`[axis.NAME]` with `controller = "nc"`: an axis of an NC controller."""
+
+    label: ClassVar[str] = 'an axis with controller = "nc"'
+
+    controller: Literal["nc"]
+    """Make of the controller."""
+    drive: str
+    """Name of the drive that the axis moves; each drive once."""
+    feed: Annotated[float, Field(gt=0.0)] | None = None
+    """Way of a motor revolution, position unit; none: the lead screw of the machine of the drive."""
+    parameters: dict[str, ParameterValue] = {}
+    """Parameters of axis, encoder (`enc.`), drive (`drv.`), controller (`ctrl.`) and task (`task.`) by key,
+    in quotes ([NC axes](nc-axis.md)); the others follow from the drive, or have their defaults.
+    """
+
+    @model_validator(mode="after")
+    def _known_parameters(self) -> NcAxisTable:
+        problems = []
+        for key, value in self.parameters.items():
+            try:
+                catalogue()[known_key(key)].check(value)
+            except ConfigurationError as error:
+                text = str(error).removeprefix(f"{known_key_or(key)}: ")
+                problems.append(sentence(text, ("parameters", key), value))
+        if problems:
+            raise ValidationError.from_exception_data("NcAxisTable", problems)
+        return self
+
+    def feed_of(self, drive: DriveTable) -> float:
+        """Return the way of a motor revolution, position unit."""
+        machine = drive.machine
+        return self.feed or (10.0 if machine is None else machine.lead_screw_mm)
+
+    def start_values(self, drive: DriveTable) -> dict[str, object]:
+        """Return the parameters of the axis: what it says, and otherwise what follows from the drive."""
+        counts = drive.increments_per_revolution << drive.fine_resolution_bits
+        feed = self.feed_of(drive)
+        values: dict[str, object] = {
+            "axis.axis_type": "CANopen DS402/Profile MDP 742 (e.g. EtherCAT CoE Drive)",
+            "enc.type": "Hardware encoder",
+            "enc.scaling_numerator": feed,
+            "enc.scaling_denominator": float(counts),
+            "enc.encoder_mask": 0xFFFFFFFF,
+            "enc.encoder_sub_mask": counts - 1,
+            "drv.type": "KL4XXX" if drive.bus == "station" else "DS402_MDP742",
+        }
+        top = getattr(drive, "max_speed_rpm", None)
+        if top:
+            values["axis.reference_velocity"] = values["axis.maximum_velocity"] = top / 60.0 * feed
+        given: Mapping[str, object] = {known_key(key): value for key, value in self.parameters.items()}
+        if "axis.reference_velocity" in given:
+            values["axis.maximum_velocity"] = given["axis.reference_velocity"]
+        return {**values, **given}
+
+    def parameters_of(self, drive: DriveTable) -> ParameterSet:
+        """Return the parameters with their start values.
+
+        Raises:
+            ConfigurationError: They do not fit together.
+
+        """
+        return ParameterSet(self.start_values(drive))
+
+
+def known_key_or(key: str) -> str:
+    """Return the key of the catalogue for a key or an alias, or the key itself where there is none."""
+    try:
+        return known_key(key)
+    except ConfigurationError:
+        return key

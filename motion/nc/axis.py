@@ -1,0 +1,569 @@
+"""An NC axis: its components in the order of a cycle, its error, its cyclic image."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from motion.nc.commands import CONTINUOUS, ENDLESS, POSITION, STOP, BufferMode, Command, CommandState
+from motion.nc.controller import Controller
+from motion.nc.drive import Drive
+from motion.nc.encoder import Encoder
+from motion.nc.errors import (
+    DRIVE_DATA_INVALID,
+    DRIVE_NOT_READY,
+    ENCODER_FAULT,
+    LIMIT_MAX,
+    LIMIT_MAX_AT_START,
+    LIMIT_MAX_INVALID,
+    LIMIT_MIN,
+    LIMIT_MIN_AT_START,
+    LIMIT_MIN_INVALID,
+    MOVEMENT_TOO_SMALL,
+    NO_CONTROLLER_ENABLE,
+    NO_ERROR,
+    NO_FEED_MINUS,
+    NO_FEED_PLUS,
+    STOP_ACTIVE,
+    VELOCITY_NOT_ALLOWED,
+    error_text,
+)
+from motion.nc.filters import Pt1
+from motion.nc.interface import FULL_OVERRIDE, NcToPlc, OpMode, PlcToNc
+from motion.nc.monitoring import Monitoring
+from motion.nc.motion import Motion
+
+if TYPE_CHECKING:
+    from fieldbus.history import History
+    from motion.nc.device import Device, SimulatedDevice
+    from motion.nc.parameters import ParameterSet
+
+_ENABLE: Final = 0x1
+_FEED_PLUS: Final = 0x2
+_FEED_MINUS: Final = 0x4
+_SLACK: Final = 1e-9
+_RESET_S: Final = 0.2
+"""Time that a drive has to clear its fault after a reset, s."""
+INVALID_CYCLES: Final = 3
+"""Cycles with invalid data without an error (NC-427)."""
+TRACE_COLUMNS: Final = (
+    ("set_position", "mm"),
+    ("set_velocity", "mm/s"),
+    ("set_acceleration", "mm/s2"),
+    ("actual_position", "mm"),
+    ("actual_velocity", "mm/s"),
+    ("following_error", "mm"),
+    ("output", ""),
+    ("state_dword", ""),
+    ("op_mode_dword", ""),
+    ("error_code", ""),
+    ("override", ""),
+)
+
+
+class NcAxis:
+    """One axis of the NC.
+
+    Args:
+        name: Its name.
+        number: `AxisId`, from 1 on.
+        parameters: Its parameters and those of its components.
+        device: Its hardware.
+        saf_cycle_s: Cycle of the SAF task, s; that of the axis is `axis.cycle_divider` times as long.
+        simulated: The hardware where it is a simulation; None for a drive.
+        analog: The drive has an analog interface.
+        history: Event log, or None.
+
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        number: int,
+        parameters: ParameterSet,
+        device: Device,
+        saf_cycle_s: float,
+        simulated: SimulatedDevice | None = None,
+        analog: bool = False,
+        history: History | None = None,
+    ) -> None:
+        self.name = name
+        self.number = number
+        self.parameters = parameters
+        self.device = device
+        self.history = history
+        cell = parameters.cell
+        self.divider = int(cell("axis.cycle_divider").value)
+        self.phase = int(cell("axis.cycle_modulo").value)
+        self.cycle_s = cycle_s = saf_cycle_s * self.divider
+        """Cycle of the axis, s (NC-077)."""
+        self._simulated = simulated
+        self.encoder = Encoder(parameters, cycle_s=cycle_s, io_cycle_s=saf_cycle_s, signed=device.signed)
+        self.drive = Drive(parameters, cycle_s=cycle_s)
+        self.controller = Controller(parameters, cycle_s=cycle_s, analog=analog)
+        self.monitoring = Monitoring(parameters, cycle_s=cycle_s)
+        self.motion = Motion(parameters, cycle_s=cycle_s)
+        self.plc_to_nc = PlcToNc()
+        """Image on the side of the NC."""
+        self.nc_to_plc = NcToPlc()
+        """Image on the side of the NC."""
+        self.nc_to_plc.AxisId = number
+        self.operational = False
+        self.error_id = NO_ERROR
+        self.following_error = 0.0
+        self.drive_error = False
+        """The drive reports an error (`DriveDeviceError`)."""
+        self.homing_busy = False
+        self.homing_state = 0
+        self._maximum_velocity = cell("axis.maximum_velocity")
+        self._default_acceleration = cell("axis.default_acceleration")
+        self._default_deceleration = cell("axis.default_deceleration")
+        self._default_jerk = cell("axis.default_jerk")
+        self._low_on = cell("axis.soft_limit_min_enable")
+        self._low = cell("axis.soft_limit_min")
+        self._high_on = cell("axis.soft_limit_max_enable")
+        self._high = cell("axis.soft_limit_max")
+        self._correction_on = cell("axis.position_correction")
+        self._correction_filter = Pt1(cell("axis.position_correction_filter_time"), cycle_s)
+        self._tolerance = cell("drv.error_tolerance")
+        self._op_mode_cells = tuple(
+            (cell(key), int(bit))
+            for key, bit in (
+                ("axis.position_range_monitoring", OpMode.POSITION_AREA_MONITORING),
+                ("axis.target_position_monitoring", OpMode.TARGET_POSITION_MONITORING),
+                ("axis.motion_monitoring", OpMode.MOTION_MONITORING),
+                ("axis.in_target_alarm", OpMode.IN_TARGET_ALARM),
+                ("axis.position_lag_monitoring", OpMode.POSITION_LAG_MONITORING),
+                ("axis.soft_limit_min_enable", OpMode.SOFT_LIMIT_MIN_MONITORING),
+                ("axis.soft_limit_max_enable", OpMode.SOFT_LIMIT_MAX_MONITORING),
+                ("axis.position_correction", OpMode.POSITION_CORRECTION),
+                ("axis.allow_commands_slave", OpMode.ALLOW_SLAVE_COMMANDS),
+                ("axis.allow_commands_ext_setpoint", OpMode.ALLOW_EXT_SET_AXIS_COMMANDS),
+            )
+        )
+        self._cycles = 0
+        self._closed = False
+        self._enabled = False
+        self._invalid = 0
+        self._seen_valid = False
+        self._restarts = 0
+        self._reset = 0
+        self._last_dynamics: tuple[float, float] | None = None
+        self._last_output = 0.0
+
+    # -- what a program asks ---------------------------------------------------------------------------------
+
+    @property
+    def error(self) -> bool:
+        """Whether the axis has an error (`Error`)."""
+        return self.error_id != NO_ERROR
+
+    @property
+    def resetting(self) -> bool:
+        """Whether a reset waits for the drive."""
+        return self._reset > 0
+
+    @property
+    def position(self) -> float:
+        """Actual position, position unit."""
+        return self.encoder.position
+
+    @property
+    def homed(self) -> bool:
+        """Whether the reference to the machine is known (`Homed`)."""
+        return self.encoder.homed
+
+    def dynamics(self, acceleration: float, deceleration: float, jerk: float) -> tuple[float, float, float]:
+        """Return acceleration, deceleration and jerk of a command: 0.0 stands for the default (NC-091);
+        maxima are not checked (NC-093).
+        """
+        return (
+            acceleration or self._default_acceleration.value,
+            deceleration or self._default_deceleration.value,
+            jerk or self._default_jerk.value,
+        )
+
+    def stop_dynamics(self, deceleration: float, jerk: float) -> tuple[float, float]:
+        """Return deceleration and jerk of a stop: what is not above 0 is that of the last one (NC-724)."""
+        last = self._last_dynamics or (self._default_deceleration.value, self._default_jerk.value)
+        return (
+            deceleration if deceleration > 0.0 else last[0],
+            jerk if jerk > 0.0 else last[1],
+        )
+
+    def submit(self, command: Command) -> int:
+        """Take a motion command.
+
+        Returns:
+            The error code with which it is refused, 0 when it is accepted.
+
+        """
+        refused = self._refused(command)
+        if refused:
+            command.state = CommandState.ERROR
+            command.error_id = refused
+            self._emit("command.refused", error_id=refused, text=error_text(refused))
+            return refused
+        if command.kind != STOP:
+            self._last_dynamics = command.deceleration, command.jerk
+            self.monitoring.new_target()
+        self.motion.submit(command)
+        return NO_ERROR
+
+    def _refused(self, command: Command) -> int:
+        motion = self.motion
+        if command.kind == STOP:
+            return NO_ERROR if not self.error else self.error_id
+        if self.error:
+            return self.error_id
+        if motion.locked:
+            return STOP_ACTIVE
+        if not self._enabled:
+            return NO_CONTROLLER_ENABLE
+        if not self._closed:
+            return DRIVE_NOT_READY
+        if not 0.0 < command.velocity <= self._maximum_velocity.value:
+            return VELOCITY_NOT_ALLOWED
+        if command.end_velocity > self._maximum_velocity.value:
+            return VELOCITY_NOT_ALLOWED
+        start = motion.generator.s
+        if command.buffer_mode is not BufferMode.Aborting and motion.active is not None:
+            last = motion.queue[-1] if motion.queue else motion.active
+            start = last.target if last.kind in {POSITION, CONTINUOUS} else start
+        if command.kind == ENDLESS:
+            direction = command.target
+        else:
+            target = start + command.target if command.relative else command.target
+            way = target - start
+            direction = (way > 0.0) - (way < 0.0)
+            if 0.0 < abs(way) < self.encoder.scaling * (1.0 - _SLACK):
+                return MOVEMENT_TOO_SMALL
+            if outside := self._target_outside(start, target, direction):
+                return outside
+        if direction > 0.0 and not self.plc_to_nc.ControlDWord & _FEED_PLUS:
+            return NO_FEED_PLUS
+        if direction < 0.0 and not self.plc_to_nc.ControlDWord & _FEED_MINUS:
+            return NO_FEED_MINUS
+        if command.kind == ENDLESS and not motion.limits_off:
+            if direction > 0.0 and self._high_on.value and start > self._high.value:
+                return LIMIT_MAX_AT_START
+            if direction < 0.0 and self._low_on.value and start < self._low.value:
+                return LIMIT_MIN_AT_START
+        return NO_ERROR
+
+    def _target_outside(self, start: float, target: float, direction: float) -> int:
+        """Compare a target with the software limits; a way back into the permitted range is accepted
+        (NC-131).
+        """
+        if self.motion.limits_off:
+            return NO_ERROR
+        low, high = self._low.value, self._high.value
+        if self._low_on.value and self._high_on.value and low > high:
+            return LIMIT_MIN_INVALID if direction < 0.0 else LIMIT_MAX_INVALID
+        if self._low_on.value and target < low and not (start < low and direction > 0.0):
+            return LIMIT_MIN_AT_START
+        if self._high_on.value and target > high and not (start > high and direction < 0.0):
+            return LIMIT_MAX_AT_START
+        return NO_ERROR
+
+    def reset(self) -> None:
+        """Clear the error: the set position takes the actual one; the drive is acknowledged (NC-151)."""
+        if self.error:
+            self._emit("axis.reset", error_id=self.error_id)
+        self.error_id = NO_ERROR
+        self._reset = max(1, round(_RESET_S / self.cycle_s))
+        self._invalid = 0
+        self.motion.abort(CommandState.ABORTED, NO_ERROR)
+        self._follow_actual()
+        self.controller.reset()
+        self.monitoring.reset()
+
+    def set_position(self, position: float, *, relative: bool = False) -> None:
+        """Give the present place another position; the following error stays (NC-242)."""
+        offset = position if relative else position - self.encoder.position
+        self.encoder.shift(offset)
+        self.motion.shift(offset)
+
+    def raise_error(self, error_id: int) -> None:
+        """Put the axis into error: it is shut down without a ramp (NC-148)."""
+        if self.error:
+            return
+        self.error_id = error_id
+        self.motion.abort(CommandState.ERROR, error_id)
+        self.motion.place(self.motion.generator.s)
+        self.motion.has_target = False
+        self.monitoring.no_target()
+        self.homing_busy = False
+        self._emit("axis.error", error_id=error_id, text=error_text(error_id))
+
+    def _emit(self, kind: str, **data: str | float | bool) -> None:
+        if self.history is not None:
+            self.history.emit(self.name, kind, **data)
+
+    # -- a cycle ---------------------------------------------------------------------------------------------
+
+    def read_inputs(self) -> None:
+        """Take over the inputs of the device; every SAF cycle, before `cycle`."""
+        self.device.read()
+
+    def cycle(self) -> None:
+        """Run one cycle of the axis: inputs, commands, setpoint, control, monitoring, outputs."""
+        self._cycles += 1
+        device = self.device
+        self._take_actual_values()
+        self._supervise_device()
+        inputs = self.plc_to_nc
+        control = inputs.ControlDWord
+        enable = control & _ENABLE != 0
+        self._take_enable(enable)
+        motion = self.motion
+        closed = enable and device.operating and self.error_id == NO_ERROR
+        if closed and not self._closed:
+            # The loop closes where the axis is (NC-685).
+            self._follow_actual()
+            self.controller.reset()
+            self.monitoring.reset()
+        self._closed = closed
+        self.operational = closed
+        if closed:
+            override = inputs.Override
+            motion.set_override(1.0 if override >= FULL_OVERRIDE else override / FULL_OVERRIDE)
+            self._watch_feed(control)
+            before = motion.generator.s
+            motion.step()
+            if self._simulated is not None:
+                self._simulated.follow(motion.generator.s - before)
+            self._control()
+        else:
+            if self.error_id == NO_ERROR:
+                self._follow_actual()
+            self.following_error = motion.generator.s - self.encoder.position
+            self.drive.off()
+            self._send(0.0, enable=enable)
+        self._publish()
+
+    def _take_actual_values(self) -> None:
+        device = self.device
+        if not device.valid:
+            return
+        correction = 0.0
+        if self._correction_on.value:
+            correction = self._correction_filter.step(self.plc_to_nc.PositionCorrection)
+        elif self._correction_filter.value:
+            self._correction_filter.value = 0.0
+        if device.restarts != self._restarts:
+            self._restarts = device.restarts
+            if self._seen_valid:
+                position = self.encoder.uncorrected
+                self.encoder.begin(device.raw, None)
+                self.encoder.shift(position - self.encoder.uncorrected)
+        error = self.encoder.update(device.raw, correction)
+        if error:
+            self.raise_error(error)
+
+    def _supervise_device(self) -> None:
+        device = self.device
+        if device.valid:
+            self._invalid = 0
+            self._seen_valid = True
+            self.drive_error = device.fault
+            if device.encoder_fault:
+                self.raise_error(ENCODER_FAULT)
+            elif device.fault and not (self._tolerance.value and device.operating):
+                if self._enabled and not self._reset:
+                    self.raise_error(DRIVE_NOT_READY)
+            elif self._closed and not device.operating:
+                self.raise_error(DRIVE_NOT_READY)
+        elif self._seen_valid:
+            self._invalid += 1
+            if self._invalid > INVALID_CYCLES:
+                self.raise_error(DRIVE_DATA_INVALID)
+
+    def _take_enable(self, enable: bool) -> None:
+        if self._enabled and not enable and self.motion.active is not None and not self.error:
+            self.raise_error(NO_CONTROLLER_ENABLE)
+        self._enabled = enable
+
+    def _follow_actual(self) -> None:
+        self.motion.place(self.encoder.position)
+        self.following_error = 0.0
+
+    def _watch_feed(self, control: int) -> None:
+        """Stop a motion whose direction has lost its feed enable (NC-028, NC-029)."""
+        motion = self.motion
+        velocity = motion.generator.v
+        active = motion.active
+        if active is None or active.kind == STOP:
+            return
+        if (velocity > 0.0 and not control & _FEED_PLUS) or (velocity < 0.0 and not control & _FEED_MINUS):
+            error_id = NO_FEED_PLUS if velocity > 0.0 else NO_FEED_MINUS
+            self._emit("axis.feed_missing", error_id=error_id, text=error_text(error_id))
+            motion.stop(active.deceleration, active.jerk)
+
+    def _control(self) -> None:
+        motion, encoder, monitoring = self.motion, self.encoder, self.monitoring
+        generator = motion.generator
+        position = encoder.position
+        error = self.following_error = generator.s - position
+        active = motion.active
+        output = self.controller.step(generator.v, generator.a, error, has_job=active is not None)
+        velocity = self.drive.step(self.controller.feedforward, output)
+        found = monitoring.watch_lag(error)
+        if motion.has_target:
+            arrived = motion.arrived
+            found = found or monitoring.watch_target(
+                position - motion.target,
+                arrived=arrived,
+                alarm=active is not None and active.kind == POSITION,
+            )
+        elif active is None and not motion.stopped:
+            monitoring.watch_target(error, arrived=True, alarm=False)
+        else:
+            monitoring.no_target()
+        found = found or monitoring.watch_motion(
+            position,
+            moving=active is not None and not (active.ended or motion.arrived),
+            held=self.plc_to_nc.Override == 0 and motion.standing,
+        )
+        found = found or self._limit_passed()
+        if found:
+            self.raise_error(found)
+            self.drive.off()
+            velocity = 0.0
+        else:
+            motion.finish(in_target=monitoring.reached or not monitoring.target_on)
+        self._send(velocity, enable=True)
+
+    def _limit_passed(self) -> int:
+        """Compare the set position with the software limits, in the direction of motion (NC-744)."""
+        motion = self.motion
+        if motion.limits_off or motion.active is None:
+            return NO_ERROR
+        position, velocity = motion.generator.s, motion.generator.v
+        if velocity < 0.0 and self._low_on.value and position < self._low.value - 1e-6:
+            return LIMIT_MIN
+        if velocity > 0.0 and self._high_on.value and position > self._high.value + 1e-6:
+            return LIMIT_MAX
+        return NO_ERROR
+
+    def _send(self, velocity: float, *, enable: bool) -> None:
+        if self._reset:
+            self._reset = self._reset - 1 if self.drive_error else 0
+        self._last_output = velocity
+        self.device.write(velocity, enable=enable, reset=self._acknowledges)
+
+    @property
+    def _acknowledges(self) -> bool:
+        # Every second cycle: a drive acknowledges with an edge.
+        return self._reset & 2 != 0
+
+    def repeat_outputs(self) -> None:
+        """Send the outputs again in a SAF cycle in which the axis is not executed (NC-075)."""
+        self.device.write(self._last_output, enable=self._enabled, reset=self._acknowledges)
+
+    def _publish(self) -> None:
+        """Fill the image for the PLC."""
+        image, motion, encoder = self.nc_to_plc, self.motion, self.encoder
+        generator = motion.generator
+        velocity = generator.v
+        image.StateDWord = self.state_dword()
+        image.ErrorCode = self.error_id
+        image.AxisState = motion.axis_state()
+        image.HomingState = self.homing_state
+        image.SafEntries = len(motion.queue)
+        image.OpModeDWord = self.op_mode_dword()
+        position = encoder.position
+        image.ActPos = position
+        image.ModuloActTurns, image.ModuloActPos = encoder.modulo(position)
+        image.ActVelo = encoder.velocity
+        image.ActAcc = encoder.acceleration
+        image.PosDiff = self.following_error
+        image.SetPos = generator.s
+        image.SetVelo = velocity
+        image.SetAcc = generator.a
+        image.TargetPos = motion.target
+        image.ModuloSetTurns, image.ModuloSetPos = encoder.modulo(generator.s)
+        image.ActPosWithoutPosCorrection = encoder.uncorrected
+        active = motion.active
+        if active is not None:
+            image.CmdNo = active.number & 0xFFFF
+            image.CmdState = int(active.state)
+
+    def state_dword(self) -> int:
+        """Return `StateDWord` of this cycle (NC-440 to NC-471)."""
+        motion, monitoring = self.motion, self.monitoring
+        velocity = motion.generator.v
+        active = motion.active
+        word = 1 << 25
+        if self.operational:
+            word |= 1
+        if self.encoder.homed:
+            word |= 1 << 1
+        if motion.standing and (active is None or active.ended):
+            word |= 1 << 2
+        if monitoring.in_area:
+            word |= 1 << 3
+        if monitoring.in_target:
+            word |= 1 << 4
+        if motion.stopped:
+            word |= 1 << 7
+        if active is not None and not active.ended:
+            word |= 1 << 8
+            if active.kind == ENDLESS:
+                word |= 1 << 19
+        if velocity > 0.0:
+            word |= 1 << 9
+        elif velocity < 0.0:
+            word |= 1 << 10
+        if self.homing_busy:
+            word |= 1 << 11
+        if motion.constant:
+            word |= 1 << 12
+        if motion.new_target:
+            word |= 1 << 17
+            motion.new_target = False
+        if self._closed:
+            word |= 1 << 20
+        if motion.queue:
+            word |= 1 << 24
+        position = self.encoder.uncorrected
+        if self._low_on.value and position <= self._low.value:
+            word |= 1 << 26
+        if self._high_on.value and position >= self._high.value:
+            word |= 1 << 27
+        if self.drive_error:
+            word |= 1 << 28
+        if motion.locked:
+            word |= 1 << 29
+        if self._invalid:
+            word |= 1 << 30
+        if self.error_id:
+            word |= 1 << 31
+        return word
+
+    def op_mode_dword(self) -> int:
+        """Return `OpModeDWord` (NC-472)."""
+        word = (self._cycles & 0xFF) << 24
+        for cell, bit in self._op_mode_cells:
+            if cell.value:
+                word |= bit
+        if self._simulated is not None:
+            word |= 0x100
+        return word
+
+    def trace_row(self) -> tuple[float, ...]:
+        """Return the values of `TRACE_COLUMNS` for the present cycle."""
+        generator, encoder, image = self.motion.generator, self.encoder, self.nc_to_plc
+        return (
+            generator.s,
+            generator.v,
+            generator.a,
+            encoder.position,
+            encoder.velocity,
+            self.following_error,
+            self.drive.output,
+            image.StateDWord,
+            image.OpModeDWord,
+            self.error_id,
+            min(self.plc_to_nc.Override / FULL_OVERRIDE, 1.0),
+        )

@@ -1,0 +1,149 @@
+"""The controller component: position control laws with feedforward (section 16 of the specification)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from motion.nc.parameters import ParameterSet
+
+P: Final = 0
+TWO_P: Final = 1
+PID: Final = 2
+TORQUE_PID: Final = 3
+TORQUE_OBSERVER: Final = 4
+TWO_SPEED: Final = 5
+STEPPER: Final = 6
+IN_DRIVE: Final = 7
+"""Index of the texts of `ctrl.type`."""
+_OFFSET_FEEDFORWARD: Final = 0.01
+"""Share of full scale above which the automatic offset stands still (NC-560)."""
+
+
+class Controller:
+    """Position controller of an axis whose loop is closed in the NC.
+
+    Args:
+        parameters: Parameters of the axis.
+        cycle_s: Cycle of the axis, s.
+        analog: The drive has an analog interface, which the automatic offset serves (NC-564).
+
+    """
+
+    def __init__(self, parameters: ParameterSet, *, cycle_s: float, analog: bool = False) -> None:
+        cell = parameters.cell
+        self._cycle_s = cycle_s
+        self._analog = analog
+        self._type = cell("ctrl.type")
+        self._kv = cell("ctrl.pos_kv")
+        self._kv_standstill = cell("ctrl.pos_kv_standstill")
+        self._kv_moving = cell("ctrl.pos_kv_moving")
+        self._threshold = cell("ctrl.pos_vdyn")
+        self._dead_band = cell("ctrl.pos_dead_band")
+        self._tn = cell("ctrl.pos_ti_tn")
+        self._tv = cell("ctrl.pos_tv")
+        self._td = cell("ctrl.pos_td")
+        self._i_limit = cell("ctrl.pos_i_limit")
+        self._d_limit = cell("ctrl.pos_d_limit")
+        self._i_rests = cell("ctrl.pos_i_disable_moving")
+        self._ka = cell("ctrl.ka")
+        self._weight = cell("ctrl.velocity_precontrol_weight")
+        self._output_limit = cell("ctrl.output_limit")
+        self._reference = cell("axis.reference_velocity")
+        self._ratio = cell("drv.output_ratio")
+        self._auto_offset = cell("ctrl.auto_offset")
+        self._offset_time = cell("ctrl.offset_timer")
+        self._offset_limit = cell("ctrl.offset_limit")
+        self._integral = 0.0
+        self._derivative = 0.0
+        self._last_error = 0.0
+        self.offset = 0.0
+        """Automatic offset, position unit/s (NC-558)."""
+        self.hold_offset = False
+        """The automatic offset is frozen, for example while the power stage is off (NC-562)."""
+        self.feedforward = 0.0
+        """Velocity and acceleration feedforward of the last step, position unit/s."""
+
+    def reset(self) -> None:
+        """Forget what has been integrated."""
+        self._integral = self._derivative = self._last_error = 0.0
+
+    def step(self, velocity: float, acceleration: float, error: float, *, has_job: bool) -> float:
+        """Control the position.
+
+        Args:
+            velocity: Set velocity, position unit/s.
+            acceleration: Set acceleration, position unit/s2.
+            error: Following error, set minus actual position, position unit.
+            has_job: A command is active (NC-532).
+
+        Returns:
+            Controller output without feedforward, position unit/s.
+
+        """
+        kind = int(self._type.value)
+        feedforward = self._weight.value * velocity
+        full = self._reference.value / self._ratio.value
+        if kind not in {P, TWO_SPEED, STEPPER, IN_DRIVE}:
+            feedforward += self._ka.value * acceleration
+            band = self._dead_band.value
+            if -band <= error <= band:
+                error = 0.0
+        if kind == TWO_P:
+            output = self._two_gains(velocity) * error
+        elif kind == PID:
+            output = self._pid(error, full, has_job=has_job)
+        elif kind == P:
+            output = self._kv.value * error
+        else:
+            output = 0.0
+        if kind in {P, TWO_P}:
+            feedforward += self._offset(output, velocity, full)
+        self.feedforward = feedforward
+        return output
+
+    def _two_gains(self, velocity: float) -> float:
+        share, threshold = abs(velocity / self._reference.value), self._threshold.value
+        moving = self._kv_moving.value
+        if share >= threshold:
+            return moving
+        standstill = self._kv_standstill.value
+        return standstill + (moving - standstill) * share / threshold
+
+    def _pid(self, error: float, full: float, *, has_job: bool) -> float:
+        kv, dt = self._kv.value, self._cycle_s
+        limit = self._d_limit.value * full
+        tv, td = self._tv.value, self._td.value
+        derivative = 0.0
+        if tv > 0.0:
+            # D-T1 by the backward difference: without damping it is the quotient of differences (NC-531).
+            step = error - self._last_error
+            derivative = (td * self._derivative + kv * tv * step) / (td + dt)
+        self._derivative = derivative
+        self._last_error = error
+        shown = limit if derivative > limit else max(derivative, -limit)
+        proportional = kv * error
+        tn = self._tn.value
+        if tn <= 0.0:
+            self._integral = 0.0
+        elif not (has_job and self._i_rests.value):
+            most = self._i_limit.value * full
+            bound = self._output_limit.value * full
+            total = proportional + self._integral + shown
+            # The integral part stands still while the output is at its limit and it would drive it further.
+            if not (abs(total) >= bound and total * error > 0.0):
+                integral = self._integral + kv * error * dt / tn
+                self._integral = most if integral > most else max(integral, -most)
+        return proportional + self._integral + shown
+
+    def _offset(self, output: float, velocity: float, full: float) -> float:
+        if not self._analog:
+            return 0.0
+        if not self._auto_offset.value:
+            # Fading out on its own curve leaves no step in the output.
+            self.offset -= self.offset * self._cycle_s / (self._cycle_s + self._offset_time.value)
+        elif not self.hold_offset and abs(self._weight.value * velocity) <= _OFFSET_FEEDFORWARD * full:
+            limit = self._offset_limit.value * full
+            offset = self.offset + output * self._cycle_s / self._offset_time.value
+            self.offset = limit if offset > limit else max(offset, -limit)
+        return self.offset

@@ -1,0 +1,193 @@
+"""NC axes with the blocks as methods, for straight-line test code."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from motion.nc.blocks import (
+    Block,
+    JogMode,
+    MC_Halt,
+    MC_Jog,
+    MC_MoveAbsolute,
+    MC_MoveAdditive,
+    MC_MoveContinuousAbsolute,
+    MC_MoveContinuousRelative,
+    MC_MoveModulo,
+    MC_MoveRelative,
+    MC_MoveVelocity,
+    MC_Power,
+    MC_Reset,
+    MC_SetPosition,
+    MC_Stop,
+)
+from motion.nc.errors import error_text
+from motion.nc.modulo import Direction
+
+if TYPE_CHECKING:
+    from motion.nc.axis import NcAxis
+    from motion.nc.axis_ref import AxisRef
+    from motion.nc.parameters import Value
+    from motion.nc.tasks import NcRuntime
+
+_B = TypeVar("_B", bound=Block)
+
+
+class NcAxisHandle:
+    """An NC axis with the blocks as methods.
+
+    Every method makes a block, hands it to the PLC program, which calls it from its next cycle on, and
+    returns
+    it: `move = axis.move_absolute(100.0, Velocity=50.0); bench.run_until(move.done, timeout=5.0)`. All
+    inputs of a block may be given by their own names.
+
+    Args:
+        runtime: Tasks of the NC.
+        ref: `AXIS_REF` of the axis.
+
+    """
+
+    def __init__(self, runtime: NcRuntime, ref: AxisRef) -> None:
+        self._runtime = runtime
+        self.ref = ref
+        """`AXIS_REF` of the program: `ref.PlcToNc`, `ref.NcToPlc`, `ref.Status`."""
+        self.object: NcAxis = ref.axis
+        """The axis itself."""
+        self._power: MC_Power | None = None
+
+    def __repr__(self) -> str:
+        return f"<{self.summary()} ({self._runtime.scheduler.now * 1e-9:.3f} s)>"
+
+    def summary(self) -> str:
+        """Return the axis, how it stands, and its error in words."""
+        axis = self.object
+        state = error_text(axis.error_id) if axis.error else "operational" if axis.operational else "disabled"
+        return f"{axis.name} {state} at {axis.position:.6g} {axis.parameters.read('axis.unit')}"
+
+    @property
+    def name(self) -> str:
+        """Name of the axis."""
+        return self.object.name
+
+    @property
+    def position(self) -> float:
+        """Actual position, position unit."""
+        return self.object.position
+
+    @property
+    def operational(self) -> bool:
+        """Whether the axis is enabled and follows commands (`Operational`)."""
+        return self.object.operational
+
+    @property
+    def error_id(self) -> int:
+        """Error code of the axis, 0 for none."""
+        return self.object.error_id
+
+    @property
+    def homed(self) -> bool:
+        """Whether the axis is homed (`Homed`)."""
+        return self.object.homed
+
+    def read_parameter(self, key: str) -> Value:
+        """Return a parameter by its key: `axis.maximum_velocity`.
+
+        Raises:
+            UnknownNameError: There is no such parameter.
+
+        """
+        return self.object.parameters.read(key)
+
+    def write_parameter(self, key: str, value: Value) -> None:
+        """Change a parameter while the axis runs.
+
+        Raises:
+            ConfigurationError: There is no such parameter, or it cannot have the value; it stays as it is.
+
+        """
+        self.object.parameters.write(key, value)
+
+    def run(self, instance: _B) -> _B:
+        """Hand a block of your own to the PLC program."""
+        self._runtime.call(instance)
+        return instance
+
+    def power(
+        self, enable: bool = True, *, positive: bool = True, negative: bool = True, override: float = 100.0
+    ) -> MC_Power:
+        """Set the inputs of the axis' only `MC_Power`."""
+        if self._power is None:
+            self._power = self.run(MC_Power(self.ref))
+        self._power.set(Enable=enable, Enable_Positive=positive, Enable_Negative=negative, Override=override)
+        return self._power
+
+    def reset(self) -> MC_Reset:
+        """Start `MC_Reset`."""
+        return self.run(MC_Reset(self.ref, Execute=True))
+
+    def set_position(self, position: float, *, relative: bool = False) -> MC_SetPosition:
+        """Start `MC_SetPosition`."""
+        return self.run(MC_SetPosition(self.ref, Execute=True, Position=position, Mode=relative))
+
+    def move_absolute(self, position: float, **inputs: Any) -> MC_MoveAbsolute:
+        """Start `MC_MoveAbsolute` to `position`, position unit."""
+        return self.run(MC_MoveAbsolute(self.ref, Execute=True, Position=position, **inputs))
+
+    def move_relative(self, distance: float, **inputs: Any) -> MC_MoveRelative:
+        """Start `MC_MoveRelative` by `distance`, position unit."""
+        return self.run(MC_MoveRelative(self.ref, Execute=True, Distance=distance, **inputs))
+
+    def move_additive(self, distance: float, **inputs: Any) -> MC_MoveAdditive:
+        """Start `MC_MoveAdditive` by `distance` from the last target, position unit."""
+        return self.run(MC_MoveAdditive(self.ref, Execute=True, Distance=distance, **inputs))
+
+    def move_modulo(
+        self, position: float, direction: Direction = Direction.POSITIVE, **inputs: Any
+    ) -> MC_MoveModulo:
+        """Start `MC_MoveModulo` to the modulo position `position`, position unit."""
+        return self.run(
+            MC_MoveModulo(self.ref, Execute=True, Position=position, Direction=direction, **inputs)
+        )
+
+    def move_velocity(self, velocity: float, **inputs: Any) -> MC_MoveVelocity:
+        """Start `MC_MoveVelocity`; a negative `velocity` moves in negative direction."""
+        direction = Direction.NEGATIVE if velocity < 0.0 else Direction.POSITIVE
+        return self.run(
+            MC_MoveVelocity(self.ref, Execute=True, Velocity=abs(velocity), Direction=direction, **inputs)
+        )
+
+    def move_continuous_absolute(
+        self, position: float, end_velocity: float, **inputs: Any
+    ) -> MC_MoveContinuousAbsolute:
+        """Start `MC_MoveContinuousAbsolute` through `position` with `end_velocity`."""
+        return self.run(
+            MC_MoveContinuousAbsolute(
+                self.ref, Execute=True, Position=position, EndVelocity=end_velocity, **inputs
+            )
+        )
+
+    def move_continuous_relative(
+        self, distance: float, end_velocity: float, **inputs: Any
+    ) -> MC_MoveContinuousRelative:
+        """Start `MC_MoveContinuousRelative` by `distance`, on with `end_velocity`."""
+        return self.run(
+            MC_MoveContinuousRelative(
+                self.ref, Execute=True, Distance=distance, EndVelocity=end_velocity, **inputs
+            )
+        )
+
+    def halt(self, **inputs: Any) -> MC_Halt:
+        """Start `MC_Halt`."""
+        return self.run(MC_Halt(self.ref, Execute=True, **inputs))
+
+    def stop(self, **inputs: Any) -> MC_Stop:
+        """Start `MC_Stop`; release the axis with `instance.set(Execute=False)`."""
+        return self.run(MC_Stop(self.ref, Execute=True, **inputs))
+
+    def jog(
+        self, mode: JogMode = JogMode.MC_JOGMODE_STANDARD_SLOW, *, backwards: bool = False, **inputs: Any
+    ) -> MC_Jog:
+        """Start `MC_Jog`; end it with `instance.set(JogForward=False, JogBackwards=False)`."""
+        return self.run(
+            MC_Jog(self.ref, JogForward=not backwards, JogBackwards=backwards, Mode=mode, **inputs)
+        )

@@ -1,0 +1,96 @@
+"""An NC axis on a bench, on emulated drives of both profiles."""
+
+import pytest
+
+from fieldbus.errors import ConfigurationError
+from hil.bench import Bench
+from hil.bench.bench_file import parse
+
+pytestmark = pytest.mark.exhaustive
+
+_BENCH = """
+[bench]
+name = "feeder"
+kind = "virtual"
+cycle_ms = 2
+
+[segment.can0]
+bitrate = 1_000_000
+
+[drive.motor]
+segment = "can0"
+node_id = 5
+{drive}
+
+[axis.x]
+controller = "nc"
+drive = "motor"
+
+[axis.x.parameters]
+"ctrl.pos_kv" = 20.0
+"""
+_PROFILES = {"cia402": "", "profidrive": 'profile = "profidrive"\ntelegram = 3'}
+
+
+def _bench(profile="cia402"):
+    return Bench(parse(_BENCH.format(drive=_PROFILES[profile]), "bench.toml"))
+
+
+@pytest.mark.parametrize("profile", _PROFILES)
+def test_a_move(profile):
+    """The axis moves the shaft of an emulated drive, and its faults reach the axis; reset and enable bring
+    it back.
+    """
+    with _bench(profile) as bench:
+        x = bench.axis("x")
+        bench.wait_until(x.power().status, 1.0)
+        move = x.move_absolute(200.0, Velocity=200.0)
+        bench.wait_until(move.done, 3.0)
+        bench.run_for(0.5)
+        trace = bench.trace()
+        assert x.position == pytest.approx(200.0, abs=0.01)
+        assert max(abs(trace["x.following_error"].values)) < 1.0
+        assert max(trace["x.set_velocity"].values) == pytest.approx(200.0)
+        move = x.move_velocity(-50.0)
+        bench.wait_until(move.in_velocity, 2.0)
+        bench.drive("motor").raise_fault(0x2310)
+        bench.run_for(0.1)
+        assert x.error_id == 0x4650
+        assert move.ErrorID == 0x4650
+        bench.run_for(0.5)
+        bench.wait_until(x.reset().done, 1.0)
+        bench.wait_until(lambda: x.operational, 1.0)
+        move = x.move_absolute(50.0, Velocity=100.0)
+        bench.wait_until(move.done, 3.0)
+
+
+def test_both_controllers():
+    """An NC axis and a technology object stand on one bench; `bench.axis()` returns each with its own
+    blocks.
+    """
+    text = (
+        _BENCH.format(drive="")
+        + '\n[drive.other]\nsegment = "can0"\nnode_id = 6\n[axis.z]\ndrive = "other"\n'
+    )
+    with Bench(parse(text, "bench.toml")) as bench:
+        assert bench.axis() is bench.axis("x") is bench.axis("x", controller="nc")
+        bench.axis("z").power()
+        bench.wait_until(bench.axis("x").power().status, 1.0)
+        move = bench.axis("x").move_relative(5.0, Velocity=50.0)
+        bench.wait_until(move.done, 2.0)
+        assert "x operational" in bench.summary()
+        assert "z " in bench.summary()
+        with pytest.raises(ConfigurationError, match="z"):
+            bench.axis("z", controller="nc")
+
+
+def test_mistakes_of_the_file():
+    """A wrong parameter is reported with its key, its value and what is allowed."""
+    for line, words in (
+        ('"ctrl.pos_kw" = 1.0', "ctrl.pos_kv"),
+        ('"ctrl.pos_kv" = -1.0', "0 or more"),
+        ('"enc.encoder_mode" = "VELO"', "POSVELOACC"),
+        ('"axis.maximum_velocity" = 5000.0', "axis.maximum_velocity"),
+    ):
+        with pytest.raises(ConfigurationError, match=words):
+            parse(_BENCH.format(drive="").replace('"ctrl.pos_kv" = 20.0', line), "bench.toml")
