@@ -93,4 +93,4 @@ def test_mistakes_of_the_file():
         ('"axis.maximum_velocity" = 5000.0', "axis.maximum_velocity"),
     ):
         with pytest.raises(ConfigurationError, match=words):
-            parse(_BENCH.format(drive="").replace('"ctrl.pos_kv" = 20.0', line), "bench.toml")
+            Bench(parse(_BENCH.format(drive="").replace('"ctrl.pos_kv" = 20.0', line), "bench.toml"))
