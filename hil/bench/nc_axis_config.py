@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Protocol
 
 from pydantic import Field, PlainValidator, ValidationError, WithJsonSchema, model_validator
 
@@ -13,7 +13,31 @@ from hil.bench._table import Table, sentence
 from motion.nc.parameters import ParameterSet, catalogue, known_key
 
 if TYPE_CHECKING:
-    from hil.bench.drive_config import DriveTable
+    from emulators.drive.machine import LinearAxisConfig
+
+
+class MovingDrive(Protocol):
+    """What an axis takes over from its drive."""
+
+    @property
+    def bus(self) -> str:
+        """How the controller reaches it."""
+
+    @property
+    def machine(self) -> LinearAxisConfig | None:
+        """What it moves."""
+
+    @property
+    def increments_per_revolution(self) -> int:
+        """Increments of the encoder."""
+
+    @property
+    def fine_resolution_bits(self) -> int:
+        """Bits on top of them."""
+
+    @property
+    def max_speed_rpm(self) -> float:
+        """Highest speed, rpm."""
 
 
 def _value(value: object) -> object:
@@ -59,12 +83,12 @@ class NcAxisTable(Table, frozen=True):
             raise ValidationError.from_exception_data("NcAxisTable", problems)
         return self
 
-    def feed_of(self, drive: DriveTable) -> float:
+    def feed_of(self, drive: MovingDrive) -> float:
         """Return the way of a motor revolution, position unit."""
         machine = drive.machine
         return self.feed or (10.0 if machine is None else machine.lead_screw_mm)
 
-    def start_values(self, drive: DriveTable) -> dict[str, object]:
+    def start_values(self, drive: MovingDrive) -> dict[str, object]:
         """Return the parameters of the axis: what it says, and otherwise what follows from the drive."""
         counts = drive.increments_per_revolution << drive.fine_resolution_bits
         feed = self.feed_of(drive)
@@ -77,15 +101,14 @@ class NcAxisTable(Table, frozen=True):
             "enc.encoder_sub_mask": counts - 1,
             "drv.type": "KL4XXX" if drive.bus == "station" else "DS402_MDP742",
         }
-        top = getattr(drive, "max_speed_rpm", None)
-        if top:
-            values["axis.reference_velocity"] = values["axis.maximum_velocity"] = top / 60.0 * feed
+        values["axis.reference_velocity"] = drive.max_speed_rpm / 60.0 * feed
+        values["axis.maximum_velocity"] = values["axis.reference_velocity"]
         given: Mapping[str, object] = {known_key(key): value for key, value in self.parameters.items()}
         if "axis.reference_velocity" in given:
             values["axis.maximum_velocity"] = given["axis.reference_velocity"]
         return {**values, **given}
 
-    def parameters_of(self, drive: DriveTable) -> ParameterSet:
+    def parameters_of(self, drive: MovingDrive) -> ParameterSet:
         """Return the parameters with their start values.
 
         Raises:
