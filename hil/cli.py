@@ -496,7 +496,7 @@ def judge(
     log: Annotated[
         Path,
         typer.Argument(
-            metavar="LOG", help="Bus log (candump .log, .asc, .blf, ...), or trace.npz of a case."
+            metavar="LOG", help="Bus log (candump .log, .asc, .blf, .pcap, ...), or trace.npz of a case."
         ),
     ],
     *,
@@ -529,7 +529,10 @@ def export(
     output: Annotated[
         Path,
         typer.Option(
-            "--output", "-o", metavar="FILE", help="Signals: .mf4, .csv, .npz; frames: .log, .asc, .blf."
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="Signals: .mf4, .csv, .npz; frames: .log, .asc, .blf, .pcap, .pcapng.",
         ),
     ],
     signal: Annotated[

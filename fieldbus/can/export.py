@@ -17,6 +17,7 @@ from typing import Final
 import can
 from can.io.blf import BLFParseError
 
+from fieldbus.can.capture import CAPTURES, read_capture, write_capture
 from fieldbus.can.confinement import ErrorCode
 from fieldbus.can.frame import CanFrame
 from fieldbus.can.frame_log import LogEntry
@@ -36,7 +37,7 @@ _READ_ERRORS: Final = (
     BLFParseError,
     can.CanError,
 )
-_FORMATS: Final = ".log (candump), .asc (Vector ASCII) or .blf (Vector binary)"
+_FORMATS: Final = ".log (candump), .asc (Vector ASCII), .blf (Vector binary), .pcap or .pcapng"
 
 
 def write_log(
@@ -48,8 +49,8 @@ def write_log(
 
     Args:
         log: `CanMedium.log`, `LiveSegment.log`, or a part of it.
-        path: File with the suffix .log, .asc or .blf; replaced if it exists.
-        channel: Name of the bus, for candump files.
+        path: File with the suffix .log, .asc, .blf, .pcap or .pcapng; replaced if it exists.
+        channel: Name of the bus, for candump and pcapng files.
         epoch_s: Unix time of bench time zero, whole seconds.
 
     Returns:
@@ -62,7 +63,12 @@ def write_log(
     path = Path(path)
     if epoch_s != int(epoch_s) or epoch_s < 631_152_000:
         raise ConfigurationError("epoch_s", epoch_s, "whole seconds of Unix time after 1990-01-01")
-    write = {".log": _write_candump, ".asc": _write_asc, ".blf": _write_blf}.get(path.suffix.lower())
+    write = {
+        ".log": _write_candump,
+        ".asc": _write_asc,
+        ".blf": _write_blf,
+        **dict.fromkeys(CAPTURES, write_capture),
+    }.get(path.suffix.lower())
     if write is None:
         raise ConfigurationError("path", str(path), f"a file name with the suffix {_FORMATS}")
     write(log, path, channel, int(epoch_s))
@@ -135,7 +141,7 @@ def read_log(path: str | Path, *, origin_s: float | None = None) -> list[tuple[f
     Error frames and CAN FD frames are left out.
 
     Args:
-        path: The file: .log, .asc, .blf, .trc, .csv, ...
+        path: The file: .log, .asc, .blf, .trc, .csv, .pcap, .pcapng, ...
         origin_s: Unix time that becomes time zero; `EPOCH_S` gives the bench times of files written by
             `write_log`.
             Default: the first frame is at zero.
@@ -148,6 +154,8 @@ def read_log(path: str | Path, *, origin_s: float | None = None) -> list[tuple[f
 
     """
     frames: list[tuple[float, CanFrame]] = []
+    if Path(path).suffix.lower() in CAPTURES:
+        return _read_capture(path, origin_s)
     first_s = origin_s
     options = {} if origin_s is None else {"relative_timestamp": False}
     try:
@@ -161,3 +169,12 @@ def read_log(path: str | Path, *, origin_s: float | None = None) -> list[tuple[f
     except (*_READ_ERRORS, BusError) as error:
         raise BusError(f"{path} cannot be read as a CAN log: {error}") from error
     return frames
+
+
+def _read_capture(path: str | Path, origin_s: float | None) -> list[tuple[float, CanFrame]]:
+    try:
+        found = [(entry.time_ns, entry.frame) for entry in read_capture(path) if not entry.error]
+    except OSError as error:
+        raise BusError(f"{path} cannot be read as a CAN log: {error}") from error
+    first_ns = (found[0][0] if found else 0) if origin_s is None else round(origin_s * S)
+    return [((time_ns - first_ns) / S, frame) for time_ns, frame in found if frame is not None]

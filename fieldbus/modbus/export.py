@@ -10,9 +10,9 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Final
 
-from fieldbus.clock import S
+from fieldbus.capture import PcapWriter
 from fieldbus.modbus.serial_line import SerialFrame
 from fieldbus.modbus.tcp_link import TcpSegment
 
@@ -22,8 +22,6 @@ LINK_TYPE_IP: Final = 101
 LINK_TYPE_SERIAL: Final = 147
 PORT: Final = 502
 
-_MAGIC: Final = 0xA1B23C4D
-_SNAPSHOT: Final = 65535
 _CLIENT, _SERVER = bytes((192, 0, 2, 2)), bytes((192, 0, 2, 1))
 _FIRST_PORT: Final = 49152
 _FIN, _SYN, _RST, _PSH, _ACK = 0x01, 0x02, 0x04, 0x08, 0x10
@@ -31,18 +29,6 @@ _WINDOW: Final = 65535
 _TCP: Final = 6
 _IP: Final = struct.Struct(">BBHHHBBH4s4s")
 _SEGMENT: Final = struct.Struct(">HHIIBBHHH")
-_RECORD: Final = struct.Struct("<IIII")
-
-
-class _Capture:
-    def __init__(self, file: BinaryIO, link_type: int, epoch_s: int) -> None:
-        self._file = file
-        self._epoch_s = epoch_s
-        file.write(struct.pack("<IHHiIII", _MAGIC, 2, 4, 0, 0, _SNAPSHOT, link_type))
-
-    def write(self, time_ns: int, data: bytes) -> None:
-        seconds, rest = divmod(time_ns, S)
-        self._file.write(_RECORD.pack(self._epoch_s + seconds, rest, len(data), len(data)) + data)
 
 
 class _Connection:
@@ -93,7 +79,7 @@ def write_tcp_capture(log: Iterable[TcpSegment], path: str | Path, *, epoch_s: i
     target = Path(path)
     connections: dict[int, _Connection] = {}
     with target.open("wb") as file:
-        capture = _Capture(file, LINK_TYPE_IP, epoch_s)
+        capture = PcapWriter(file, LINK_TYPE_IP, epoch_s)
         for time_ns, number, sender, data, note in log:
             if note == "dropped":
                 continue
@@ -132,7 +118,7 @@ def write_serial_capture(log: Iterable[SerialFrame], path: str | Path, *, epoch_
     """
     target = Path(path)
     with target.open("wb") as file:
-        capture = _Capture(file, LINK_TYPE_SERIAL, epoch_s)
+        capture = PcapWriter(file, LINK_TYPE_SERIAL, epoch_s)
         for frame in log:
             if "dropped" not in frame.note and "collision" not in frame.note:
                 capture.write(frame.end_ns, frame.data)

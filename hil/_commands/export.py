@@ -12,14 +12,14 @@ from hil.errors import CannotRunError, RecordingError
 from hil.record import Trace
 from hil.record.export import SIGNAL_FORMATS, write_signals
 
-_BUS_FORMATS: Final = (".log", ".asc", ".blf")
+_BUS_FORMATS: Final = (".log", ".asc", ".blf", ".pcap", ".pcapng")
 
 
 def export_trace(
     source: Path, output: Path, *, signals: Sequence[str] = (), bus: str = "", as_json: bool = False
 ) -> int:
-    """Write signals (.mf4, .csv, .npz) or the frames of a CAN segment (.log, .asc, .blf) of a saved trace;
-    returns the exit code.
+    """Write signals (.mf4, .csv, .npz) or the frames of a CAN segment (.log, .asc, .blf, .pcap,
+    .pcapng) of a saved trace; returns the exit code.
 
     Args:
         source: `trace.npz` or `trace.json` of a case.

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+from fieldbus.can.capture import CAPTURES, read_capture
 from fieldbus.can.frame import CanFrame
 from fieldbus.clock import S
 from fieldbus.errors import BusError
@@ -22,7 +23,7 @@ BENCH_EPOCH_NS: Final = 946_684_800 * S
 """Unix time of time zero of a bench in the logs that this product writes (2000-01-01)."""
 _BENCH_DAYS_NS: Final = 30 * 86_400 * S
 
-FORMATS: Final = ".log (candump), .asc, .blf, .trc, .csv, .mf4"
+FORMATS: Final = ".log (candump), .asc, .blf, .pcap, .pcapng, .trc, .csv, .mf4"
 _LINE: Final = re.compile(
     r"\s*\((?P<seconds>\d+)\.(?P<fraction>\d{1,9})\)\s+(?P<channel>\S+)\s+"
     r"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?P<body>\S*)(?:\s+[RT])?\s*"
@@ -73,7 +74,11 @@ def read_bus_log(path: str | Path) -> BusLog:
     if path.stat().st_size == 0:
         raise CannotRunError(f"{path} is empty")
     log = BusLog(path)
-    stamped = _read_candump(log) if path.suffix.lower() == ".log" else _read_with_library(log)
+    suffix = path.suffix.lower()
+    if suffix == ".log":
+        stamped = _read_candump(log)
+    else:
+        stamped = _read_captured(log) if suffix in CAPTURES else _read_with_library(log)
     numbers: dict[str, int] = {}
     for number, (stamp_ns, channel, frame, error) in enumerate(stamped, start=1):
         frames = log.channels.get(channel)
@@ -167,6 +172,18 @@ def _classical(can_id: int, extended: bool, body: str) -> CanFrame | None:
         return CanFrame(can_id, content, extended=extended)
     # Behind "_" stands a raw DLC of 9 to 15, which a classical frame of 8 bytes may have.
     return CanFrame(can_id, content, extended=extended, dlc=int(data[2], 16)) if len(content) == 8 else None
+
+
+def _read_captured(log: BusLog) -> Stamped:
+    """Return the frames of a capture file with their stamps."""
+    try:
+        for stamp_ns, channel, frame, error in read_capture(log.path):
+            if frame is None:
+                log.left_out += 1
+            else:
+                yield stamp_ns, channel, frame, error
+    except (OSError, BusError) as error:
+        raise CannotRunError(f"{error}" if isinstance(error, BusError) else f"{log.path}: {error}") from error
 
 
 def _read_with_library(log: BusLog) -> Stamped:

@@ -15,6 +15,7 @@ import pytest
 from fieldbus.can.export import write_log
 from fieldbus.canopen import PumpedNetwork
 from hil.bench import load_bench
+from hil.logs import read_bus_log
 
 NODE = 5
 FIELDS = {
@@ -80,14 +81,32 @@ def run():
 
 
 @pytest.mark.requirement("C301-164")
-@pytest.mark.parametrize("suffix", [".log", ".blf"])
+@pytest.mark.parametrize("suffix", [".log", ".blf", ".pcap", ".pcapng"])
 def test_every_frame_is_well_formed(run, tmp_path, suffix):
-    """Both log formats are read in full, and no frame is malformed or remarkable to Wireshark."""
+    """All log formats are read in full, and no frame is malformed or remarkable to Wireshark."""
     _, frames = run
     seen = dissect(write_log(frames, tmp_path / f"bus{suffix}"))
     assert [number(one["can_id"]) for one in seen] == [frame.can_id for _, _, frame, _ in frames]
     assert not [one for one in seen if "malformed" in one or "expert" in one]
     assert all("function" in one for one in seen)
+
+
+def test_what_wireshark_writes_is_read(run, tmp_path):
+    """Logs that Wireshark's editcap has written again, as pcap, pcap with nanoseconds and pcapng, are the same
+    logs.
+    """
+    _, frames = run
+    own = write_log(frames, tmp_path / "own.pcapng", channel="vcan2")
+    wanted = [(time_ns, frame) for time_ns, _, frame, _ in frames]
+    for kind, unit_ns in (("pcapng", 1), ("nsecpcap", 1), ("pcap", 1000)):
+        path = tmp_path / f"{kind}.pcapng"
+        subprocess.run(["editcap", "-F", kind, own, path], check=True)
+        log = read_bus_log(path)
+        ((channel, entries),) = log.channels.items()
+        assert channel == ("vcan2" if kind == "pcapng" else "")
+        assert [(t // unit_ns, frame) for t, _, frame, _ in entries] == [
+            (t // unit_ns, frame) for t, frame in wanted
+        ]
 
 
 @pytest.mark.requirement(

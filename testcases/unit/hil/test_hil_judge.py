@@ -196,7 +196,7 @@ def digest_of(trace):
     return [(entry.kind, entry.source, dict(entry.data)) for entry in trace.events]
 
 
-@pytest.mark.parametrize("suffix", [".asc", ".blf"])
+@pytest.mark.parametrize("suffix", [".asc", ".blf", ".pcap", ".pcapng"])
 def test_formats_say_the_same(case, log_file, tmp_path, suffix):
     """The same frames as ASC and BLF are the same events, at the same times within a microsecond."""
     other = decode(write_log(case.raw_frames("can0"), tmp_path / f"bus{suffix}")).trace
