@@ -92,8 +92,8 @@ def test_every_frame_is_well_formed(run, tmp_path, suffix):
 
 
 def test_what_wireshark_writes_is_read(run, tmp_path):
-    """Logs that Wireshark's editcap has written again, as pcap, pcap with nanoseconds and pcapng, are the same
-    logs.
+    """Logs that Wireshark's editcap has written again, as pcap, pcap with nanoseconds and pcapng, are the
+    same logs.
     """
     _, frames = run
     own = write_log(frames, tmp_path / "own.pcapng", channel="vcan2")
