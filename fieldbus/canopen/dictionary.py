@@ -62,7 +62,8 @@ MAX_STRING_BYTES: Final = 1024
 MAX_DOMAIN_BYTES: Final = 1 << 20
 """Longest domain that a device accepts."""
 
-_STORED_IN_RAM: Final = ("RAM", "ROM")
+STORED_IN_RAM: Final = ("RAM", "ROM")
+"""Storage locations of entries that 1010h does not store."""
 _NODE_ID: Final = re.compile(r"\+?\$?(?:[A-Z]+_)*NODE_?ID\+?")
 """`$NODEID`, and as tools write it: `NODEID`, `$NODE_ID`, `$MY_NODE_ID`."""
 
@@ -160,7 +161,7 @@ class Entry:
         self.default = self._default(variable, node_id)
         location = str(getattr(variable, "storage_location", None) or "").upper()
         self.storable = (
-            self.readable and self.writable and self.data_type != DOMAIN and location not in _STORED_IN_RAM
+            self.readable and self.writable and self.data_type != DOMAIN and location not in STORED_IN_RAM
         )
         """Taken into non-volatile memory by 1010h."""
 

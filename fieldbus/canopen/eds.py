@@ -44,6 +44,7 @@ _KNOWN_TYPES: Final = frozenset(
 )
 _FIRST_OBJECT: Final = 0x1000
 _MOST_ELEMENTS: Final = 0xFE
+_NO_DOWNLOAD: Final = 1
 _NOTES: Final = "_notes"
 """Attribute of a dictionary: what `notes_of` returns."""
 
@@ -121,6 +122,15 @@ def _dictionary_of(path: str, node_id: int | None, _state: tuple[int, ...]) -> c
     dictionary = load_dictionary(path, node_id)
     share_entries(dictionary)
     return dictionary
+
+
+def _location(section: EdsSection) -> str | None:
+    """Return where an entry is stored, for the library: `StorageLocation`, a key of tools, or RAM for what
+    is not to be downloaded (bit 0 of `ObjFlags`).
+    """
+    if section.number("ObjFlags", 0) & _NO_DOWNLOAD:
+        return "RAM"
+    return section.text("StorageLocation") or None
 
 
 class _Reader:
@@ -208,7 +218,7 @@ class _Reader:
         else:
             section.refuse("ObjectType", section.text("ObjectType"), "2, 5, 6, 7, 8 or 9")
         if kind in (_ARRAY, _RECORD):
-            thing.storage_location = section.text("StorageLocation") or None
+            thing.storage_location = _location(section)
             count = section.number("CompactSubObj", 0, high=255)
             if count > _MOST_ELEMENTS:
                 section.note(
@@ -251,7 +261,7 @@ class _Reader:
 
     def _variable(self, section: EdsSection, index: int, sub: int, *, domain: bool = False) -> Any:
         variable = self._library.ODVariable(section.required("ParameterName"), index, sub)
-        variable.storage_location = section.text("StorageLocation") or None
+        variable.storage_location = _location(section)
         # DataType and AccessType of a domain may be left out.
         if not (domain and not section.text("DataType")):
             section.required("DataType")

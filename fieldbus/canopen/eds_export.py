@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Final
 
-from fieldbus.canopen.dictionary import BOOLEAN, UNICODE_STRING, VISIBLE_STRING, Entry, ObjectValue
+from fieldbus.canopen.dictionary import (
+    BOOLEAN,
+    STORED_IN_RAM,
+    UNICODE_STRING,
+    VISIBLE_STRING,
+    Entry,
+    ObjectValue,
+)
 from fieldbus.canopen.eds_text import EdsInfo, head_lines
 from fieldbus.canopen.store import NOT_STORED
 from fieldbus.errors import ConfigurationError
@@ -85,8 +92,6 @@ def _lines(slave: CanopenSlave, file_name: str, *, dcf: bool, bitrate: int | Non
         yield f"[{section}]"
         yield f"ParameterName={_text(thing.name, section)}"
         yield f"ObjectType=0x{8 if type(thing).__name__ == 'ODArray' else 9:X}"
-        if thing.storage_location:
-            yield f"StorageLocation={thing.storage_location}"
         yield f"SubNumber=0x{len(members):X}"
         yield ""
         for sub in sorted(members):
@@ -98,8 +103,6 @@ def _entry_lines(slave: CanopenSlave, entry: Entry, variable: Any, *, dcf: bool)
     where = f"{entry.index:04X}h:{entry.sub}"
     yield f"ParameterName={_text(variable.name, where)}"
     yield "ObjectType=0x7"
-    if variable.storage_location:
-        yield f"StorageLocation={variable.storage_location}"
     yield f"DataType=0x{entry.data_type:04X}"
     yield f"AccessType={variable.access_type}"
     if entry.base is not None and entry.default == entry.base + slave.node_id:
@@ -107,6 +110,8 @@ def _entry_lines(slave: CanopenSlave, entry: Entry, variable: Any, *, dcf: bool)
     elif entry.given:
         yield f"DefaultValue={_value(entry, entry.default, where)}"
     yield f"PDOMapping={int(bool(variable.pdo_mappable))}"
+    if str(variable.storage_location or "").upper() in STORED_IN_RAM:
+        yield "ObjFlags=0x1"
     for key, limit in (("LowLimit", variable.min), ("HighLimit", variable.max)):
         if limit is not None:
             yield f"{key}={_value(entry, limit, where)}"

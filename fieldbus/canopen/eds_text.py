@@ -13,7 +13,6 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from fieldbus.canopen.dictionary import INTEGERS
 from fieldbus.canopen.eds import shared_dictionary
 from fieldbus.canopen.object_table import STRING, VAR, Item, ObjectRow
 
@@ -202,12 +201,12 @@ def _object_lines(row: ObjectRow) -> Iterator[str]:
 def _item_lines(item: Item) -> Iterator[str]:
     yield f"ParameterName={item.name}"
     yield "ObjectType=0x7"
-    if item.volatile:
-        yield "StorageLocation=RAM"
     yield f"DataType=0x{item.data_type:04X}"
     yield f"AccessType={item.eds_access}"
     yield f"DefaultValue={_default(item)}"
     yield f"PDOMapping={int(item.pdo != '-')}"
+    if item.volatile:
+        yield "ObjFlags=0x1"  # not part of a configuration
     yield ""
 
 
@@ -219,6 +218,4 @@ def _default(item: Item) -> str:
         return value
     if item.data_type == STRING:
         return str(value)
-    if value < 0:
-        return f"0x{value & (1 << INTEGERS[item.data_type][0]) - 1:X}"
     return str(value) if value < 10 else f"0x{value:X}"

@@ -68,7 +68,7 @@ def test_same_dictionary_as_the_library(kit, tmp_path, name, node_id):
     first, second = entries_of(ours, 9), entries_of(theirs, 9)
     assert list(first) == list(second)
     for key, entry in first.items():
-        for field in entry.__slots__:
+        for field in set(entry.__slots__) - {"storable"}:  # by ObjFlags, which the library does not read
             assert getattr(entry, field) == getattr(second[key], field), (f"{key:06X}", field)
     for field in set(vars(ours.device_information)) - {"granularity"}:  # a number, not a truth value
         assert getattr(ours.device_information, field) == getattr(theirs.device_information, field), field
@@ -416,10 +416,11 @@ def slave_of(od, node_id=5, **options):
     return slave
 
 
-def assert_same(first, second, *, node_id=5):
+def assert_same(first, second, *, node_id=5, library=False):
     assert list(first) == list(second)
+    fields = {*FIELDS, "default"} - ({"storable"} if library else set())
     for key, entry in first.items():
-        for field in (*FIELDS, "default"):
+        for field in fields:
             assert getattr(entry, field) == getattr(second[key], field), (f"{key:06X}", field)
         assert (entry.default == entry.base + node_id) if entry.base is not None else True
 
@@ -434,7 +435,8 @@ def test_eds_of_a_device_reads_back_the_same(kit, tmp_path, reader, name):
     slave = slave_of(od)
     path = tmp_path / "drive1.eds"
     path.write_text(device_eds(slave), encoding="utf-8")
-    assert_same(entries_of(reader(str(path), 5), 5), slave.store.entries)
+    again = entries_of(reader(str(path), 5), 5)
+    assert_same(again, slave.store.entries, library=reader is canopen.import_od)
     assert {key: entry.default for key, entry in entries_of(reader(str(path), None), 77).items()} == {
         key: entry.default for key, entry in slave_of(od, 77).store.entries.items()
     }

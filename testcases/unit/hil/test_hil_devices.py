@@ -373,7 +373,7 @@ def test_eds_that_cannot_be_that_of_a_drive(bench_file, tmp_path, changes, messa
 
 def test_sign_of_a_profile_object_is_the_profiles(bench_file, tmp_path):
     """An EDS that calls the target velocity unsigned still gets a drive that can run backwards."""
-    old = "[60FF]\nParameterName=Target velocity\nObjectType=0x7\nStorageLocation=RAM\nDataType=0x0004"
+    old = "[60FF]\nParameterName=Target velocity\nObjectType=0x7\nDataType=0x0004"
     (tmp_path / "vendor.eds").write_text(vendor_eds(replace=[(old, old.replace("0x0004", "0x0007"))]))
     with bench_file(DRIVE + 'eds = "vendor.eds"\n').build() as bench:
         slave = bench.drive().slave
