@@ -381,10 +381,14 @@ def emulate(
 
 @app.command()
 def eds(
-    bench: Annotated[str, typer.Argument(metavar="BENCH", help="Bench file or embedded name.")],
-    device: Annotated[
-        str, typer.Argument(metavar="DEVICE", help="Drive or other device; default: the first one.")
-    ] = "",
+    names: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="BENCH [DEVICE] | FILE...",
+            help="Bench file or embedded name, and a device of it (default: the first one); "
+            "or EDS and DCF files or folders to look at.",
+        ),
+    ],
     *,
     dcf: Annotated[
         bool, typer.Option("--dcf", help="DCF: with node-ID, bit rate and the values that can be stored.")
@@ -392,11 +396,21 @@ def eds(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="File; default: standard output.")
     ] = None,
+    as_json: JsonOption = False,
 ) -> None:
-    """Write the EDS or DCF of an emulated device."""
+    """Write the EDS or DCF of an emulated device, or look whether EDS files are right."""
     from hil._commands.eds import write_eds
+    from hil._commands.eds_survey import is_survey, survey_files
 
-    raise typer.Exit(write_eds(bench, device, dcf=dcf, output=output))
+    if is_survey(names):
+        if dcf or output is not None:
+            raise typer.BadParameter("--dcf and --output write the file of a device of a bench")
+        raise typer.Exit(survey_files(names, as_json=as_json))
+    if as_json:
+        raise typer.BadParameter("--json is for EDS and DCF files to look at")
+    if len(names) > 2:
+        raise typer.BadParameter("a bench and one device of it, or EDS and DCF files and folders")
+    raise typer.Exit(write_eds(names[0], "".join(names[1:]), dcf=dcf, output=output))
 
 
 @app.command()

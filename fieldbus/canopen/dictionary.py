@@ -64,18 +64,20 @@ MAX_DOMAIN_BYTES: Final = 1 << 20
 
 STORED_IN_RAM: Final = ("RAM", "ROM")
 """Storage locations of entries that 1010h does not store."""
+_SUFFIX: Final = re.compile(r"(?<=[0-9A-Fa-f])[uUlL]{1,3}$")
 _NODE_ID: Final = re.compile(r"\+?\$?(?:[A-Z]+_)*NODE_?ID\+?")
 """`$NODEID`, and as tools write it: `NODEID`, `$NODE_ID`, `$MY_NODE_ID`."""
 
 
 def integer(text: str) -> int:
-    """Return a number as an EDS writes it: decimal, hexadecimal with 0x, octal with a leading 0.
+    """Return a number as an EDS writes it: decimal, hexadecimal with 0x, octal with a leading 0; perhaps
+    with a suffix of C, as in `10UL`.
 
     Raises:
         ValueError: It is none.
 
     """
-    body = text.strip()
+    body = _SUFFIX.sub("", text.strip())
     sign = -1 if body.startswith("-") else 1
     digits = body.lstrip("+-")
     if digits[:2].lower() == "0x":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import math
 import re
 import time
@@ -700,3 +701,62 @@ def test_export_and_reload_change_nothing(rpm_drive, tmp_path, capsys):
     }
     assert differing <= left_open
     assert not second[0x604000].given
+
+
+# -- hil eds FILE...
+# ----------------------------------------------------------------------------------
+
+
+def look(capsys, *names):
+    """Return exit code and JSON of `hil eds NAMES --json`."""
+    code = main(["eds", *map(str, names), "--json"])
+    return code, json.loads(capsys.readouterr().out)
+
+
+def test_a_good_file_is_commissioned_and_moved(capsys):
+    """The EDS of the product has no finding, and the drive works."""
+    code, found = look(capsys, SERVO)
+    assert code == 0
+    assert (found["readable"], found["good"], found["drives"], found["working"]) == (1, 1, 1, 1)
+    assert found["files"][0]["drive"] == "as a drive: commissioned, enabled and moved"
+
+
+def test_what_is_wrong_with_a_file_is_said(tmp_path, capsys):
+    """Files of a folder: one that cannot be read, one that lacks and contradicts, one that is no drive."""
+    (tmp_path / "below").mkdir()
+    (tmp_path / "below" / "broken.EDS").write_text(RPM_DRIVE.replace("DefaultValue=500", "DefaultValue=five"))
+    (tmp_path / "station.eds").write_text(STATION)
+    wrong = RPM_DRIVE.replace("DefaultValue=50\n", "DefaultValue=0\n") + section("6502", "Modes", 7, "0x81")
+    wrong += record("1800", "TPDO", 0x185, 1) + record("1A00", "Mapping", "0x60410010", "0x60FF0010")
+    wrong += record("1401", "RPDO", 0x305, 1)
+    (tmp_path / "wrong.eds").write_text(wrong)
+    code, found = look(capsys, tmp_path)
+    assert code == 1
+    broken, station, lacking = found["files"]
+    assert "[6076] DefaultValue: 'five'" in broken["refused"]
+    assert (station["good"], station["drive"]) == (True, "")
+    assert lacking["missing"] == [
+        "607Ah, 6081h, which mode pp (6502h bit 0) needs",
+        "607Ah, 6064h, 60C2h, which mode csp (6502h bit 7) needs",
+    ]
+    assert [text.partition(":")[0] for text in lacking["contradictions"]] == ["609Ah", "RPDO2", "TPDO1"]
+    assert not lacking["works"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nothing.eds"], "nothing.eds: no such file"),
+        (["empty"], "no EDS or DCF"),
+        (["a.eds", "--dcf"], "--dcf"),
+        (["reference", "--json"], "--json"),
+        (["reference", "one", "two"], "one device"),
+    ],
+)
+def test_eds_arguments_that_do_not_fit(tmp_path, monkeypatch, capsys, arguments, message):
+    """What cannot be looked at, or written, is named."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "a.eds").write_text(RPM_DRIVE)
+    assert main(["eds", *arguments]) == 2
+    assert message in capsys.readouterr().err
