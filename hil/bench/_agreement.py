@@ -212,7 +212,22 @@ class _References:
             return
         if axis.inputs is not None:
             self._refer(f"{where}.inputs", "station", axis.inputs)
+        self._leading(name, axis)
+        for one in axis.encoders or ():
+            if f"encoder.{one}" in self._mistakes.tables:
+                raise _OfWrongTable
+            if one not in (axis.drive, second_of(axis.drive), *self._config.encoder):
+                known = ", ".join((axis.drive, *self._config.encoder))
+                raise ValueError(
+                    f"{where}.encoders: {one!r} is neither its drive nor an encoder; there are: {known}"
+                )
+
+    def _leading(self, name: str, axis: AxisTable) -> None:
+        where, cpu = f"axis.{name}", self._config.bench.cpu
         for leader in axis.leading:
+            if leader in self._config.external_encoder and leader not in self._config.axis:
+                self._check_actual(f"{where}.leading", f"the external encoder {leader!r}", cpu)
+                continue
             self._refer(f"{where}.leading", "axis", leader)
             if leader == name:
                 raise ValueError(f"{where}.leading: {leader!r} is the axis itself")
@@ -222,14 +237,22 @@ class _References:
                 raise ValueError(text)  # noqa: TRY004 - it becomes a message about the file
             if led.type == "speed":
                 raise ValueError(f"{where}.leading: {leader!r} is a speed axis, which has no position")
-        for one in axis.encoders or ():
-            if f"encoder.{one}" in self._mistakes.tables:
-                raise _OfWrongTable
-            if one not in (axis.drive, second_of(axis.drive), *self._config.encoder):
-                known = ", ".join((axis.drive, *self._config.encoder))
+        for leader, coupling in axis.coupling.items():
+            if leader not in axis.leading:
+                known = ", ".join(axis.leading) or "none"
+                raise ValueError(f"{where}.coupling: {leader!r} is not one of `leading`; there are: {known}")
+            if coupling == "actual":
+                self._check_actual(f"{where}.coupling.{leader}", "an actual value", cpu)
+            elif leader in self._config.external_encoder:
                 raise ValueError(
-                    f"{where}.encoders: {one!r} is neither its drive nor an encoder; there are: {known}"
+                    f"{where}.coupling.{leader}: {coupling!r} is not possible: an external encoder has no "
+                    f"setpoint; allowed is 'actual'"
                 )
+
+    @staticmethod
+    def _check_actual(where: str, what: str, cpu: str) -> None:
+        if cpu != "S7-1500T":
+            raise ValueError(f"{where}: {what} leads axes of an S7-1500T only, and [bench] cpu is {cpu!r}")
 
     def _external_encoder(self, name: str) -> None:
         table, where = self._config.external_encoder[name], f"external_encoder.{name}"

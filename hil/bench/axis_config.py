@@ -112,6 +112,9 @@ def _paths_of(kind: str) -> set[str]:
 HomingInput = Literal["home", "negative_limit", "positive_limit"]
 
 
+Coupling = Literal["setpoint", "actual", "delayed"]
+
+
 class AxisTable(Table, frozen=True):
     """`[axis.NAME]`: a technology object."""
 
@@ -143,8 +146,13 @@ class AxisTable(Table, frozen=True):
     with both of its encoders where telegram 6 or 106 carries them to an S7-1500T.
     """
     leading: tuple[str, ...] = ()
-    """Axes whose setpoints this one may follow, by name; for `type = "synchronous"`. An axis that is not
-    named cannot lead it (alarm 601).
+    """Axes and external encoders that this axis may follow, by name; for `type = "synchronous"`. An object
+    that is not named cannot lead it (alarm 601).
+    """
+    coupling: dict[str, Coupling] = {}
+    """How values of the axes in `leading` are taken, by name: the setpoint, the extrapolated `actual` value
+    (S7-1500T), or the setpoint `delayed` by `CrossPlcSynchronousOperation.LocalLeadingValueDelayTime`;
+    without an entry the setpoint. An external encoder has an actual value only.
     """
     connection: Literal["direct", "data_block"] = "direct"
     """`data_block`: a program of the test stands between telegram and axis ([Axes](axis-configuration.md));

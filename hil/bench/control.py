@@ -98,15 +98,18 @@ class ControlSystem:
         for name, nc_section in config.nc_axes.items():
             with errors.located(f"axis.{name}"):
                 self._add_nc_axis(name, nc_section)
-        for name, section in config.s7_axes.items():
-            if section.leading and name in self.axes:
-                self.axes[name].object.leading_objects = tuple(
-                    self.axes[leader].object for leader in section.leading if leader in self.axes
-                )
-        runtime.order_axes()
         for name, external in config.external_encoder.items():
             with errors.located(f"external_encoder.{name}"):
                 self._add_external_encoder(name, external)
+        objects = {name: one.object for name, one in (self.external_encoders | self.axes).items()}
+        for name, section in config.s7_axes.items():
+            if section.leading and name in self.axes:
+                axis = self.axes[name].object
+                axis.leading_objects = tuple(
+                    objects[leader] for leader in section.leading if leader in objects
+                )
+                axis.couplings = dict(section.coupling)
+        runtime.order_axes()
         for name, cam in config.cam.items():
             with errors.located(f"cam.{name}"):
                 self._add_cam(name, cam)

@@ -212,6 +212,14 @@ class LeadingValue:
         """`StatusExtrapolation.ExtrapolatedVelocity`, axis unit per second (SYN-067)."""
         return self._velocity if self._differentiates and self._filter is not None else self.filtered_velocity
 
+    def extrapolated(self) -> Value:
+        """Return what followers of the actual value get: position, velocity, no acceleration.
+
+        The second difference of an actual value is noise; the followers get its acceleration with the next
+        velocity (SYN-020, SYN-067).
+        """
+        return self.position, self.velocity, 0.0
+
     def delayed(self) -> Value:
         """Return the setpoint of `LocalLeadingValueDelayTime` ago (SYN-070, VAR-121)."""
         past = self._past

@@ -166,6 +166,15 @@ class ServoAxis:
         total = self.total
         return total.s, total.v, total.a
 
+    def leading_setpoint(self) -> tuple[float, float, float]:
+        """Return what followers of the setpoint get: it follows the actual value where the axis does not
+        form it (SYN-294).
+        """
+        total = self.total
+        if self.controlled:
+            return total.s, total.v, total.a
+        return total.s, self.actual_velocity, 0.0
+
     def power_down(self) -> None:
         """Show what an axis shows whose controller has no supply."""
         self.communication_ok = self.in_operation = False

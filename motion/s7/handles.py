@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar, Union
 
 from fieldbus.errors import UnknownAttributeError
 from motion.s7.axis import ExternalEncoder, TechnologyAxis
@@ -55,6 +55,10 @@ _INSTEAD: Final = {
     "set": 'write("Override.Velocity", 50.0)',
 }
 """What is meant by names that an axis does not have."""
+
+
+LeadingObject = Union["AxisHandle", "EncoderHandle", TechnologyAxis, ExternalEncoder]
+"""What may lead a synchronous axis: a handle or the object itself."""
 
 
 def _attribute(handle: object, technology_object: TechnologyObject, name: str) -> Any:
@@ -149,11 +153,11 @@ class _Handle(Generic[_Object]):
         return instance
 
 
-def _gear(leader: AxisHandle | TechnologyAxis, numerator: int, denominator: int) -> dict[str, Any]:
+def _gear(leader: LeadingObject, numerator: int, denominator: int) -> dict[str, Any]:
     """Return the inputs that start a gear behind `leader`."""
     return {
         "Execute": True,
-        "Master": leader.object if isinstance(leader, AxisHandle) else leader,
+        "Master": leader.object if isinstance(leader, _Handle) else leader,
         "RatioNumerator": numerator,
         "RatioDenominator": denominator,
     }
@@ -297,7 +301,7 @@ class AxisHandle(_Handle[TechnologyAxis]):
         )
 
     def gear_in(
-        self, leader: AxisHandle | TechnologyAxis, numerator: int = 1, denominator: int = 1, **inputs: Any
+        self, leader: LeadingObject, numerator: int = 1, denominator: int = 1, **inputs: Any
     ) -> MC_GearIn:
         """Start `MC_GearIn` behind `leader`, which the bench file names as `leading`, with the ratio
         `numerator` / `denominator`.
@@ -305,7 +309,7 @@ class AxisHandle(_Handle[TechnologyAxis]):
         return self.run(MC_GearIn(self.object, **_gear(leader, numerator, denominator), **inputs))
 
     def gear_in_velocity(
-        self, leader: AxisHandle | TechnologyAxis, numerator: int = 1, denominator: int = 1, **inputs: Any
+        self, leader: LeadingObject, numerator: int = 1, denominator: int = 1, **inputs: Any
     ) -> MC_GearInVelocity:
         """Start `MC_GearInVelocity` behind `leader`, as `gear_in` does; change the ratio with
         `ContinuousUpdate=True` and `instance.set(RatioNumerator=...)`.

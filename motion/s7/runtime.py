@@ -112,8 +112,10 @@ class Runtime:
         def take(axis: TechnologyAxis, above: tuple[TechnologyAxis, ...]) -> None:
             if axis in ordered or axis in above:
                 return
-            for leader in axis.leading_objects:
-                take(leader, (*above, axis))
+            names = [leader.name for leader in axis.leading_objects]
+            for leader in self.axes:
+                if leader.name in names:  # external encoders are called before all axes
+                    take(leader, (*above, axis))
             ordered.append(axis)
 
         for axis in self.axes:

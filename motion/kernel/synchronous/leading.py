@@ -1,27 +1,32 @@
-"""The leading value of one coupling: position, velocity and acceleration of the leading axis."""
+"""The leading value of one coupling: what a leading object gives, counted on over its modulo range."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from motion.kernel.servo_axis import ServoAxis
+    from motion.kernel.leading_value import Value
 
 
 class LeadingMotion:
-    """The setpoints of a leading axis as a following axis takes them (SYN-020, coupling type "setpoint").
+    """The value of a leading object as a following axis takes it (SYN-020).
 
-    Setpoints are counted on over the modulo range of their axis, so that nothing steps at its edge (SYN-024).
+    The value is given over the modulo range of its object, so that nothing steps at its edge (SYN-024).
 
     Args:
-        leader: The leading axis in the kernel.
+        value: Returns the setpoint, the delayed setpoint or the extrapolated actual value of this cycle.
+        valid: Returns whether that is a value to follow.
 
     """
 
-    def __init__(self, leader: ServoAxis) -> None:
-        self.leader = leader
-        self.position = leader.total.s
-        """Leading position, position unit of the leading axis."""
+    def __init__(self, value: Callable[[], Value], valid: Callable[[], bool]) -> None:
+        self._value = value
+        self._valid = valid
+        self.valid = valid()
+        """Whether the leading object gives a value; False ends the coupling with alarm 601."""
+        self.position = value()[0]
+        """Leading position, position unit of the leading object."""
         self.velocity = 0.0
         """Its velocity, position unit per second."""
         self.acceleration = 0.0
@@ -30,12 +35,14 @@ class LeadingMotion:
         """Way of the last cycle, position unit."""
 
     def step(self) -> None:
-        """Take the value of this cycle over; the leading axis has been calculated before."""
-        leader = self.leader
-        total = leader.total
-        self.increment = total.s - self.position
-        self.position = total.s
-        if leader.controlled:
-            self.velocity, self.acceleration = total.v, total.a
-        else:  # the setpoint follows the actual value (SYN-294)
-            self.velocity, self.acceleration = leader.actual_velocity, 0.0
+        """Take the value of this cycle over; the leading object has been calculated before.
+
+        A value that is not valid is not taken: position and velocity stay as they were.
+        """
+        self.valid = self._valid()
+        if not self.valid:
+            self.increment = 0.0
+            return
+        position, self.velocity, self.acceleration = self._value()
+        self.increment = position - self.position
+        self.position = position

@@ -55,7 +55,7 @@ from motion.s7.axis.reactions import Reactions
 from motion.s7.axis.software_limits import SoftwareLimits
 from motion.s7.axis.state import AxisState, AxisStates, DriveCommand
 from motion.s7.axis.status import StatusWords
-from motion.s7.axis.technology_object import TechnologyObject
+from motion.s7.axis.technology_object import ACTUAL, DELAYED, SETPOINT, TechnologyObject
 from motion.s7.axis.torque import TORQUE_DATA, TorqueControl
 from motion.s7.data_blocks import DataBlocks
 from motion.s7.units import farthest_position
@@ -64,7 +64,7 @@ from motion.s7.variables import VariableStore
 if TYPE_CHECKING:
     from fieldbus.history import History
     from motion.drives.port import DrivePort
-    from motion.kernel.leading_value import LeadingValue
+    from motion.kernel.leading_value import LeadingValue, Value
     from motion.kernel.mechanics import Mechanics
     from motion.kernel.modulo import Modulo
 
@@ -290,8 +290,10 @@ class TechnologyAxis(TechnologyObject):
         self.leading_value: LeadingValue | None = None
         """What followers get, of an axis with positions."""
         self._leading: LeadingValue | None = None
-        self.leading_objects: tuple[TechnologyAxis, ...] = ()
+        self.leading_objects: tuple[TechnologyObject, ...] = ()
         """What a synchronous axis may follow: the interconnection of its leading values (SYN-014)."""
+        self.couplings: dict[str, str] = {}
+        """Types of coupling by the name of the leading object, where it is not the usual one (SYN-020)."""
         self.apply_configuration()
         self._live = self._readers = live_variables(
             Shown(
@@ -532,18 +534,38 @@ class TechnologyAxis(TechnologyObject):
         )
 
     @property
-    def leader(self) -> TechnologyAxis | None:
-        """The leading axis of the synchronous job in control; None without one."""
-        job = self.motion.synchronous_job
-        if job is None or job.coupling is None:
-            return None
-        servo = job.coupling.leading.leader
-        return next((one for one in self.leading_objects if one.servo is servo), None)
+    @override
+    def leader(self) -> TechnologyObject | None:
+        number = self._leader_number()
+        return next((one for one in self.leading_objects if one.db_number == number), None)
 
     def _leader_number(self) -> int:
         """Return `StatusSynchronizedMotion.ActualMaster` (SYN-036)."""
-        leader = self.leader
-        return 0 if leader is None else leader.db_number
+        job = self.motion.synchronous_job
+        return 0 if job is None else job.leader_number
+
+    def coupling_with(self, leader: TechnologyObject) -> str:
+        """Return how values of `leader` are taken: `SETPOINT`, `ACTUAL` or `DELAYED`."""
+        return self.couplings.get(
+            leader.name, ACTUAL if leader.object_type == "ExternalEncoder" else SETPOINT
+        )
+
+    @property
+    @override
+    def leads_without_position_control(self) -> bool:
+        return self.servo.controlled and not self.servo.position_controlled
+
+    @override
+    def leading_by(self, coupling: str) -> Callable[[], Value]:
+        if coupling == ACTUAL:
+            return lambda: self._present_leading_value().extrapolated()
+        if coupling == DELAYED:
+            return lambda: self._present_leading_value().delayed()
+        return self.servo.leading_setpoint
+
+    @override
+    def gives_value(self) -> bool:
+        return self.states.state is not AxisState.RESTARTING and self.servo.sensor_valid
 
     def _gives_leading_value(self) -> bool:
         """Return whether the axis may lead others: it is configured to provide its leading value."""

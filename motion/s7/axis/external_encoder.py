@@ -274,6 +274,15 @@ class ExternalEncoder(TechnologyObject):
             (feedback.velocity - feedback.last_velocity) / self.cycle_s,
         )
 
+    @override
+    def leading_by(self, coupling: str) -> Callable[[], Value]:
+        """Return the extrapolated actual value; an external encoder has no setpoint (SYN-003)."""
+        return lambda: self.leading_value.extrapolated()  # noqa: PLW0108 - a restart makes another one
+
+    @override
+    def gives_value(self) -> bool:
+        return self._state is not AxisState.RESTARTING and self.sensor_valid
+
     # -- cycle
 
     def cycle(self) -> None:

@@ -127,6 +127,7 @@ class Job:
         "instruction",
         "jerk",
         "job_class",
+        "leader_number",
         "mode",
         "name",
         "position_controlled",
@@ -180,6 +181,8 @@ class Job:
         """Jog input gone: the job brakes to zero and then ends by itself."""
         self.coupling: GearCoupling | None = None
         """What a synchronous job makes of its leading value."""
+        self.leader_number = 0
+        """Number of the data block of the leading object of `coupling`."""
         self.synchronous = False
         """The axis moves as its leading value says."""
         self.history: History | None = None

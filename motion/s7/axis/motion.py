@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from motion.s7.axis.homing.direct import Homing
     from motion.s7.axis.state import AxisStates, DriveCommand
 
+ALARM_LEADING_VALUE: Final = 601
+"""The leading object is no possible one of the axis, or gives no valid value (SYN-017, SYN-294, SYN-296)."""
 ALARM_SYNCHRONISING: Final = 608
 """The leading value has turned round before the axis had reached it (SYN-312)."""
 QUEUE_DEPTH: Final = 8
@@ -365,6 +367,10 @@ class MotionControl:
         acceleration, deceleration, jerk = self._planned_limits
         maximum = inf if coupling.by_velocity else self._limits.max_velocity.value  # SYN-106
         coupling.step(cycle_s, maximum, acceleration, deceleration, jerk)
+        if not coupling.leading.valid:
+            self._alarms.raise_alarm(ALARM_LEADING_VALUE)
+            gen.advance(cycle_s)
+            return
         if coupling.reversed:
             self._alarms.raise_alarm(ALARM_SYNCHRONISING)
             gen.advance(cycle_s)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from fieldbus.history import History
-    from motion.kernel.leading_value import LeadingValue
+    from motion.kernel.leading_value import LeadingValue, Value
     from motion.kernel.modulo import Modulo
     from motion.s7.alarms import AlarmEngine
     from motion.s7.axis.configuration import Problem
@@ -47,6 +47,11 @@ _RESTART_CYCLES: Final = 5
 """Cycles that the re-initialisation takes."""
 _OFFSET: Final = ".AbsEncoderOffset"
 _RESTING: Final = frozenset((AxisState.DISABLED, AxisState.ALARM_DISABLED))
+
+SETPOINT: Final = "setpoint"
+ACTUAL: Final = "actual"
+DELAYED: Final = "delayed"
+"""Types of coupling: the setpoint, the extrapolated actual value, the delayed setpoint (SYN-020)."""
 
 Live = dict[str, Callable[[], float]]
 """Readers of the variables that the runtime does not keep in the store, by path."""
@@ -226,6 +231,28 @@ class TechnologyObject(ABC):
         self._live: Live = {}
         self._readers: Live = {}
         self._instances: dict[str, Iterator[int]] = {}
+
+    # -- leading values: what an object gives that leads others
+
+    @property
+    def leader(self) -> TechnologyObject | None:
+        """The leading object of the synchronous job in control; None without one."""
+        return None
+
+    @property
+    def leads_without_position_control(self) -> bool:
+        """Whether the setpoint has no positions that could be followed (alarm 603)."""
+        return False
+
+    def leading_by(self, coupling: str) -> Callable[[], Value]:
+        """Return what gives the value of each cycle to a follower with this type of coupling, one of
+        `SETPOINT`, `ACTUAL` and `DELAYED` (SYN-020).
+        """
+        raise NotImplementedError(f"{self.name} leads no axis by its {coupling} value")
+
+    def gives_value(self) -> bool:
+        """Return whether the leading value is valid: a restart and a failed encoder make it invalid."""
+        return False
 
     def instance_name(self, instruction: str) -> str:
         """Return the name of one more instance of an instruction: `axis1.MC_Power_1`."""

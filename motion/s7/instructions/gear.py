@@ -17,20 +17,19 @@ from motion.s7.axis.jobs import (
     Job,
     JobClass,
 )
+from motion.s7.axis.motion import ALARM_LEADING_VALUE
 from motion.s7.axis.state import ACCEPTS_MOTION
-from motion.s7.axis.technology_object import TechnologyObject
+from motion.s7.axis.technology_object import ACTUAL, TechnologyObject
 from motion.s7.instructions.base import DEFAULT, ExecuteInstruction
 from motion.s7.instructions.dynamics import is_whole, resolve
 
 if TYPE_CHECKING:
     from motion.s7.axis.axis import TechnologyAxis
 
-ALARM_NOT_ASSIGNED: Final = 601
-"""The leading object is not configured as a possible one of the axis (SYN-017)."""
 ALARM_NOT_CONTROLLED: Final = 603
 """The leading axis is not position-controlled (SYN-025)."""
 _LARGEST: Final = (1 << 31) - 1
-_LEADING: Final = "PositioningAxis"
+_LEADING: Final = frozenset(("PositioningAxis", "ExternalEncoder"))
 
 
 _DYNAMICS: Final = {"Acceleration": DEFAULT, "Deceleration": DEFAULT, "Jerk": DEFAULT}
@@ -40,7 +39,7 @@ class _Gearing(ExecuteInstruction):
     """What both instructions share: leading axis, ratio, dynamics of synchronising."""
 
     object_types = ("SynchronousAxis",)
-    Master: TechnologyAxis | None
+    Master: TechnologyObject | None
     RatioNumerator: int
     RatioDenominator: int
     Acceleration: float
@@ -59,34 +58,36 @@ class _Gearing(ExecuteInstruction):
     def _prepare(self, job_class: JobClass, *, by_velocity: bool) -> Job | int:
         """Return the job with its coupling, not yet handed over; or the ErrorID of what is not permitted."""
         leader = self.Master
-        if not isinstance(leader, TechnologyObject) or _LEADING not in leader.kinds:
+        if not isinstance(leader, TechnologyObject) or _LEADING.isdisjoint(leader.kinds):
             return ERROR_REFERENCE
         job = Job(job_class, instruction=self.instruction, name=self.name)
         error = self._wrong_ratio() or resolve(self, job, velocity=False) or self._unfit(leader, by_velocity)
         if error:
             return error
         job.coupling = GearCoupling(
-            LeadingMotion(leader.servo),
+            LeadingMotion(leader.leading_by(self.axis.coupling_with(leader)), leader.gives_value),
             self.RatioNumerator,
             self.RatioDenominator,
             by_velocity=by_velocity,
         )
+        job.leader_number = leader.db_number
         return job
 
-    def _unfit(self, leader: TechnologyAxis, by_velocity: bool) -> int:
-        """Return why the leading axis cannot lead this one; 0 if it can."""
+    def _unfit(self, leader: TechnologyObject, by_velocity: bool) -> int:
+        """Return why the leading object cannot lead this axis; 0 if it can."""
         axis = self.axis
-        above: TechnologyAxis | None = leader
+        above: TechnologyObject | None = leader
         while above is not None:
             if above is axis:
                 return ERROR_CIRCLE
             above = above.leader
         if axis.alarms.blocking or axis.state not in ACCEPTS_MOTION:
             return NO_ERROR  # `submit` says why nothing can start
-        if leader not in axis.leading_objects:
-            axis.alarms.raise_alarm(ALARM_NOT_ASSIGNED)
+        if leader not in axis.leading_objects or not leader.gives_value():
+            axis.alarms.raise_alarm(ALARM_LEADING_VALUE)
             return ERROR_ALARM
-        if leader.servo.controlled and not (leader.servo.position_controlled or by_velocity):
+        by_position = axis.coupling_with(leader) != ACTUAL and not by_velocity
+        if by_position and leader.leads_without_position_control:
             axis.alarms.raise_alarm(ALARM_NOT_CONTROLLED)
             return ERROR_ALARM
         return NO_ERROR
@@ -96,15 +97,16 @@ class MC_GearIn(_Gearing):
     """Let a synchronous axis follow a leading axis with a gear ratio, without a fixed relation of positions
     (SYN-135 to SYN-147).
 
-    Inputs: `Master`, the leading axis, a positioning or synchronous axis that is interconnected with this
-    one; `Execute`; `RatioNumerator`, not 0, below 0 for the opposite direction (16#8017);
-    `RatioDenominator`, 1 or more (16#8018); `Acceleration`, `Deceleration`, `Jerk` of synchronising, axis
-    unit per second squared and cubed (negative: dynamic default). Outputs: `InGear`, the axis has reached its
-    leading value and follows it, and the common ones. `Done` does not exist: the job goes on until another
-    one takes over.
+    Inputs: `Master`, the leading object: a positioning axis, synchronous axis or external encoder (S7-1500T)
+    that is interconnected with this one; `Execute`; `RatioNumerator`, not 0, below 0 for the opposite
+    direction (16#8017); `RatioDenominator`, 1 or more (16#8018); `Acceleration`, `Deceleration`, `Jerk` of
+    synchronising, axis unit per second squared and cubed (negative: dynamic default). Outputs: `InGear`, the
+    axis has reached its leading value and follows it, and the common ones. `Done` does not exist: the job
+    goes on until another one takes over.
 
-    A leading object that is not interconnected is alarm 601, one without position control alarm 603, one that
-    follows this axis itself is rejected with 16#8019.
+    A leading object that is not interconnected or gives no valid value is alarm 601, one without position
+    control, whose setpoint is to be followed, alarm 603; one that follows this axis itself is rejected with
+    16#8019.
     """
 
     instruction = "MC_GearIn"
@@ -147,7 +149,8 @@ class MC_GearInVelocity(_Gearing):
     without a limit. `ContinuousUpdate` that falls keeps the last ratio; it does not come back without another
     start.
 
-    A leading object that is not interconnected is alarm 601; its mode and a reversal do not matter.
+    A leading object that is not interconnected or gives no valid value is alarm 601; its mode and a reversal
+    do not matter.
     """
 
     instruction = "MC_GearInVelocity"

@@ -93,6 +93,11 @@ def test_drives_of_both_profiles_follow_one_leading_axis(tmp_path):
         ('["leader"]', '["ledaer"]', "follower_a.leading: 'ledaer' is not an axis"),
         ('leading = ["leader"]', 'leading = ["follower_a"]', "'follower_a' is the axis itself"),
         (
+            'leading = ["leader"]',
+            'leading = ["leader"]\ncoupling = { ledaer = "actual" }',
+            "follower_a.coupling: 'ledaer' is not one of `leading`; there are: leader",
+        ),
+        (
             'type = "synchronous"\ndrive = "a_drive"',
             'drive = "a_drive"',
             'only an axis of type = "synchronous" follows others',
@@ -103,3 +108,12 @@ def test_mistakes_in_interconnections(tmp_path, old, new, text):
     """An axis that does not exist, the axis itself and one of another type are refused with the place."""
     with pytest.raises(ConfigurationError, match=text):
         bench_file(tmp_path, SHAFT.replace(old, new, 1))
+
+
+def test_actual_values_lead_axes_of_a_technology_processor(tmp_path):
+    """Another processor has no coupling of actual values; the message names the place."""
+    text = SHAFT.replace("cycle_ms = 4", 'cycle_ms = 4\ncpu = "S7-1500"').replace(
+        'leading = ["leader"]', 'leading = ["leader"]\ncoupling = { leader = "actual" }'
+    )
+    with pytest.raises(ConfigurationError, match=r"follower_a.coupling.leader: .* S7-1500T only"):
+        bench_file(tmp_path, text)
