@@ -16,7 +16,7 @@ from fieldbus.errors import ConfigurationError
 TECHNOLOGY_ONLY: Final = frozenset({
     "MC_SetSensor", "MC_MotionInVelocity", "MC_MotionInPosition", "MC_MotionInSuperimposed",
     "MC_InterpolateCam", "MC_GetCamLeadingValue", "MC_GetCamFollowingValue", "MC_GetCamFollowingValueCyclic",
-    "MC_CopyCamData", "MC_GearInVelocity",
+    "MC_CopyCamData", "MC_GearInVelocity", "MC_GearInPos", "MC_GearOut", "MC_CamIn", "MC_CamOut",
 })  # fmt: skip
 """Instructions of the technology processors alone (CFG-062)."""
 

@@ -6,13 +6,19 @@ from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar, Union
 
 from fieldbus.errors import UnknownAttributeError
 from motion.s7.axis import ExternalEncoder, TechnologyAxis
+from motion.s7.cam_handle import CamHandle
+from motion.s7.cams import Cam
 from motion.s7.commissioning import ControlPanel
 from motion.s7.data_blocks import BitAddress
 from motion.s7.diagnostics import Diagnosis, diagnose, diagnose_encoder
 from motion.s7.instructions import (
     Instruction,
+    MC_CamIn,
+    MC_CamOut,
     MC_GearIn,
+    MC_GearInPos,
     MC_GearInVelocity,
+    MC_GearOut,
     MC_Halt,
     MC_HaltSuperimposed,
     MC_Home,
@@ -308,6 +314,28 @@ class AxisHandle(_Handle[TechnologyAxis]):
         """
         return self.run(MC_GearIn(self.object, **_gear(leader, numerator, denominator), **inputs))
 
+    def gear_in_pos(
+        self,
+        leader: AxisHandle | TechnologyAxis,
+        master: float,
+        slave: float,
+        numerator: int = 1,
+        denominator: int = 1,
+        **inputs: Any,
+    ) -> MC_GearInPos:
+        """Start `MC_GearInPos` behind `leader`, as `gear_in` does: position `slave` of this axis belongs to
+        position `master` of the leading one, axis units.
+        """
+        return self.run(
+            MC_GearInPos(
+                self.object,
+                **_gear(leader, numerator, denominator),
+                MasterSyncPosition=master,
+                SlaveSyncPosition=slave,
+                **inputs,
+            )
+        )
+
     def gear_in_velocity(
         self, leader: LeadingObject, numerator: int = 1, denominator: int = 1, **inputs: Any
     ) -> MC_GearInVelocity:
@@ -315,6 +343,20 @@ class AxisHandle(_Handle[TechnologyAxis]):
         `ContinuousUpdate=True` and `instance.set(RatioNumerator=...)`.
         """
         return self.run(MC_GearInVelocity(self.object, **_gear(leader, numerator, denominator), **inputs))
+
+    def gear_out(self, position: float, **inputs: Any) -> MC_GearOut:
+        """Start `MC_GearOut`, which stops the axis at `position`, axis unit."""
+        return self.run(MC_GearOut(self.object, Execute=True, SlavePosition=position, **inputs))
+
+    def cam_in(self, leader: AxisHandle | TechnologyAxis, cam: CamHandle | Cam, **inputs: Any) -> MC_CamIn:
+        """Start `MC_CamIn` behind `leader`, as `gear_in` does, with an interpolated `cam`."""
+        master: Any = leader.object if isinstance(leader, AxisHandle) else leader
+        used: Any = cam.object if isinstance(cam, CamHandle) else cam
+        return self.run(MC_CamIn(self.object, Execute=True, Master=master, Cam=used, **inputs))
+
+    def cam_out(self, position: float, **inputs: Any) -> MC_CamOut:
+        """Start `MC_CamOut`, which stops the axis at `position`, axis unit."""
+        return self.run(MC_CamOut(self.object, Execute=True, SlavePosition=position, **inputs))
 
     def move_superimposed(self, distance: float, **inputs: Any) -> MC_MoveSuperimposed:
         """Start `MC_MoveSuperimposed` by `distance`, axis unit, on top of the motion that runs."""

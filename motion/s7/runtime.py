@@ -100,8 +100,8 @@ class Runtime:
         self.encoders.append(encoder)
         self._number(encoder)
 
-    def _number(self, one: TechnologyAxis | ExternalEncoder) -> None:
-        one.db_number = len(self.axes) + len(self.encoders)
+    def _number(self, one: TechnologyAxis | ExternalEncoder | Cam) -> None:
+        one.db_number = len(self.axes) + len(self.encoders) + len(self.cams)
 
     def order_axes(self) -> None:
         """Call leading axes before those that follow them, so that all of a chain use the values of one cycle
@@ -125,6 +125,7 @@ class Runtime:
     def add_cam(self, cam: Cam) -> None:
         """Take a cam into the cycle, after the axes."""
         self.cams.append(cam)
+        self._number(cam)
         self.task.background.append(cam)
 
     @property

@@ -4,6 +4,7 @@ generator that an axis advances.
 
 from motion.setpoint.generator import MotionPhase, SetpointGenerator
 from motion.setpoint.limits import Resolved, resolve
+from motion.setpoint.meeting import plan_meeting
 from motion.setpoint.position import plan_position
 from motion.setpoint.profile import Phase, Profile
 from motion.setpoint.setpoint import Setpoint
@@ -17,6 +18,7 @@ __all__ = [
     "Resolved",
     "Setpoint",
     "SetpointGenerator",
+    "plan_meeting",
     "plan_position",
     "plan_velocity",
     "resolve",

@@ -10,11 +10,11 @@ deceleration is relaxed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import sqrt
 
 from motion.setpoint.limits import check_dynamics, check_positive
 from motion.setpoint.profile import Profile, RawPhase, travel
+from motion.setpoint.root import find_root
 from motion.setpoint.stopping import stop_distance
 from motion.setpoint.velocity import velocity_phases
 
@@ -22,8 +22,6 @@ _NOTHING = 1e-30
 """Ways, velocities and accelerations up to this one count as none: their
 products would leave the number range.
 """
-_MAX_ITERATIONS = 200
-"""Root finding converges in about ten steps; the bound is for magnitudes at the ends of the number range."""
 
 
 def plan_position(
@@ -101,7 +99,7 @@ def _phases(  # noqa: PLR0917 - the numbers of one plan, passed on as they are
                 return travel(phases) + stop_distance(peak, 0.0, deceleration, jerk) - distance
 
             noise = 2e-16 * (abs(distance) + abs(rest))
-            peak, missed = _root(miss, lowest, top, -rest, excess, noise)
+            peak, missed = find_root(miss, lowest, top, -rest, excess, noise)
             phases = velocity_phases(v, a, peak, acceleration, deceleration, jerk)
             if missed < -noise:  # one step of the peak velocity is worth more than the rounding of the way
                 phases.append((-missed / peak, peak, 0.0, 0.0))
@@ -132,7 +130,7 @@ def _relaxed(
     if low >= 0.0 or high <= 0.0:
         time = 0.0 if low >= 0.0 else duration
     else:
-        time, _ = _root(miss, 0.0, duration, low, high, 2e-16 * (abs(distance) + abs(start)))
+        time, _ = find_root(miss, 0.0, duration, low, high, 2e-16 * (abs(distance) + abs(start)))
     if time > 0.0:
         before.append((time, v, a, j))
     reached = v + time * (a + 0.5 * j * time)
@@ -172,44 +170,3 @@ def _phases_without_jerk(
 def _trapezoid(v: float, peak: float, acceleration: float, deceleration: float) -> float:
     """Return the way from velocity `v` to `peak` and from there to standstill."""
     return 0.5 * (peak - v) * ((peak + v) / acceleration) + 0.5 * peak * peak / deceleration
-
-
-def _root(  # noqa: PLR0917 - a bracket and its values
-    function: Callable[[float], float],
-    low: float,
-    high: float,
-    at_low: float,
-    at_high: float,
-    tolerance: float,
-) -> tuple[float, float]:
-    """Return where the rising `function` is zero between `low` and `high`, and its value there.
-
-    The value is not above zero, unless its magnitude is below `tolerance`. Method of Chandrupatla: inverse
-    quadratic interpolation where it is safe, bisection where it is not.
-    """
-    a, fa = high, at_high
-    b, fb = low, at_low
-    fraction = 0.5
-    for _ in range(_MAX_ITERATIONS):
-        x = a + fraction * (b - a)
-        fx = function(x)
-        if (fx < 0.0) == (fa < 0.0):
-            c, fc = a, fa
-        else:
-            c, fc = b, fb
-            b, fb = a, fa
-        a, fa = x, fx
-        if abs(fa) <= tolerance:
-            return a, fa
-        best = abs(a if abs(fa) < abs(fb) else b)
-        if abs(b - a) <= 4e-16 * best:
-            break
-        xi = (a - b) / (c - b)
-        phi = (fa - fb) / (fc - fb)
-        if phi * phi < xi and (1.0 - phi) * (1.0 - phi) < 1.0 - xi:
-            fraction = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
-        else:
-            fraction = 0.5
-        least = 2e-16 * best / abs(b - a)
-        fraction = min(max(fraction, least), 1.0 - least)
-    return (a, fa) if fa <= 0.0 else (b, fb)

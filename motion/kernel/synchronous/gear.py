@@ -46,6 +46,12 @@ class GearCoupling:
         self._direction = 0.0
         self.synchronous = False
         """Whether the axis has reached its leading value."""
+        self.ended = False
+        """Whether the function has come to its end: never."""
+        self.slope = self._ratio
+        """Derivative of the position by the leading position, once synchronous."""
+        self.curvature = 0.0
+        """Its second derivative."""
         self.reversed = False
         """Whether the leading value has turned round before the axis had reached it (SYN-127)."""
         self.s = 0.0
@@ -61,24 +67,21 @@ class GearCoupling:
 
     def change_ratio(self, numerator: int, denominator: int) -> None:
         """Use another ratio from the next cycle on; for a coupling of velocities (SYN-170)."""
-        self._ratio = numerator / denominator
+        self._ratio = self.slope = numerator / denominator
 
     def shift(self, offset: float) -> None:
         """Follow a shift of the coordinate system of the following axis, position unit."""
         self.s += offset
         self._y += offset
 
-    def step(
-        self, cycle_s: float, maximum: float, acceleration: float, deceleration: float, jerk: float
-    ) -> None:
+    def step(self, cycle_s: float, maximum: float, limits: tuple[float, float, float]) -> None:
         """Go on by one cycle.
 
         Args:
             cycle_s: Cycle, s.
             maximum: Highest velocity while synchronising, position unit per second; infinite for none.
-            acceleration: Highest acceleration while synchronising, position unit per second squared, above 0.
-            deceleration: Highest deceleration while synchronising, above 0.
-            jerk: Highest jerk while synchronising, position unit per second cubed; 0 for none.
+            limits: Highest acceleration and deceleration while synchronising, position unit per second
+                squared, above 0, and highest jerk, position unit per second cubed; 0 for none.
 
         """
         leading = self.leading
@@ -90,7 +93,7 @@ class GearCoupling:
                 return
             if increment:
                 self._direction = copysign(1.0, increment)
-            self._synchronise(cycle_s, maximum, acceleration, deceleration, jerk)
+            self._synchronise(cycle_s, maximum, limits)
             return
         before = self.v
         self.v = self._ratio * leading.velocity
@@ -100,9 +103,8 @@ class GearCoupling:
             self.s = self._y + self._numerator * (leading.position - self._x) / self._denominator
         self.a = self._ratio * leading.acceleration
 
-    def _synchronise(
-        self, cycle_s: float, maximum: float, acceleration: float, deceleration: float, jerk: float
-    ) -> None:
+    def _synchronise(self, cycle_s: float, maximum: float, limits: tuple[float, float, float]) -> None:
+        acceleration, deceleration, jerk = limits
         leading, approach = self.leading, self._approach
         velocity = self._ratio * leading.velocity
         growth = self._ratio * leading.acceleration

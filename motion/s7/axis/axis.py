@@ -536,8 +536,33 @@ class TechnologyAxis(TechnologyObject):
     @property
     @override
     def leader(self) -> TechnologyObject | None:
-        number = self._leader_number()
+        return self._object_of(self._leader_number())
+
+    @property
+    def next_leader(self) -> TechnologyObject | None:
+        """The leading object of the job that waits for its start; None without one."""
+        waiting = self.motion.entering
+        return None if waiting is None else self._object_of(waiting.leader_number)
+
+    def leads(self, leader: TechnologyObject) -> bool:
+        """Return whether `leader` is this axis, or follows it over any number of axes, now or as soon as a
+        job starts that waits (SYN-018).
+        """
+        if leader is self:
+            return True
+        above: list[TechnologyObject | None] = [leader.leader]
+        if isinstance(leader, TechnologyAxis):
+            above.append(leader.next_leader)
+        return any(one is not None and self.leads(one) for one in above)
+
+    def _object_of(self, number: int) -> TechnologyObject | None:
+        """Return the leading object with this data block."""
         return next((one for one in self.leading_objects if one.db_number == number), None)
+
+    @property
+    @override
+    def leading_modulo(self) -> Modulo:
+        return self.servo.modulo
 
     def _leader_number(self) -> int:
         """Return `StatusSynchronizedMotion.ActualMaster` (SYN-036)."""

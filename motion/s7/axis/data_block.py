@@ -7,22 +7,21 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from motion.drives.port import ZSW1
+from motion.kernel.cams import ScaledCurve
+from motion.kernel.synchronous import FunctionCoupling
 from motion.s7.axis.technology_object import Live, in_its_units, live_alarms, live_leading_value
 
 if TYPE_CHECKING:
     from motion.kernel.feedback import Feedback
     from motion.kernel.leading_value import LeadingValue
     from motion.kernel.servo_axis import ServoAxis
-    from motion.kernel.synchronous import GearCoupling
+    from motion.kernel.synchronous import Coupling
     from motion.s7.alarms import AlarmEngine
     from motion.s7.axis.motion import MotionControl
     from motion.s7.axis.torque import TorqueControl
     from motion.s7.variables import VariableStore
 
 
-RELATIVE_GEARING: Final = 1
-VELOCITY_GEARING: Final = 6
-"""`StatusSynchronizedMotion.FunctionState` (SYN-034)."""
 _ROUNDING: Final = 1.0 + 1e-9
 
 
@@ -177,15 +176,27 @@ def _synchronous(shown: Shown) -> Live:
             | (braking and abs(gen.a) > deceleration.value * _ROUNDING) << 2
         )
 
-    def coupling() -> GearCoupling | None:
+    def coupling() -> Coupling | None:
         job = motion.synchronous_job
         return None if job is None else job.coupling
 
+    def camming() -> FunctionCoupling | None:
+        job = motion.synchronous_job
+        one = None if job is None or not job.cam_number else job.coupling
+        return one if isinstance(one, FunctionCoupling) else None
+
+    def curve() -> ScaledCurve | None:
+        cam = camming()
+        return cam.function if cam is not None and isinstance(cam.function, ScaledCurve) else None
+
+    def slave_offset() -> float:
+        return 0.0 if (cam := camming()) is None else cam.shown_offsets[1]
+
     prefix = "StatusSynchronizedMotion."
     return {
-        f"{prefix}FunctionState": lambda: (
-            0 if (one := coupling()) is None else VELOCITY_GEARING if one.by_velocity else RELATIVE_GEARING
-        ),
+        f"{prefix}FunctionState": lambda: 0 if (job := motion.synchronous_job) is None else job.function,
+        f"{prefix}WaitingFunctionState": lambda: motion.waiting_function,
+        f"{prefix}ActualCam": lambda: 0 if (job := motion.synchronous_job) is None else job.cam_number,
         f"{prefix}ActualMaster": shown.leader_number,
         f"{prefix}StatusWord": exceeded,
         f"{prefix}EffectiveLeadingValue.Position": lambda: (
@@ -197,7 +208,14 @@ def _synchronous(shown: Shown) -> Live:
         f"{prefix}EffectiveLeadingValue.Acceleration": lambda: (
             0.0 if (one := coupling()) is None else one.leading.acceleration
         ),
-        f"{prefix}FunctionFollowingValue.Position": lambda: 0.0 if (one := coupling()) is None else one.s,
+        f"{prefix}MasterOffset": lambda: 0.0 if (cam := camming()) is None else cam.shown_offsets[0],
+        f"{prefix}SlaveOffset": slave_offset,
+        f"{prefix}MasterScaling": lambda: 0.0 if (cam := curve()) is None else cam.master_scaling,
+        f"{prefix}SlaveScaling": lambda: 0.0 if (cam := curve()) is None else cam.slave_scaling,
+        f"{prefix}Offset": slave_offset,
+        f"{prefix}FunctionFollowingValue.Position": lambda: (
+            0.0 if (one := coupling()) is None else one.s - slave_offset()
+        ),
         f"{prefix}FunctionFollowingValue.Velocity": lambda: 0.0 if (one := coupling()) is None else one.v,
         f"{prefix}FunctionFollowingValue.Acceleration": lambda: 0.0 if (one := coupling()) is None else one.a,
     }

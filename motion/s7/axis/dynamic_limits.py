@@ -61,6 +61,13 @@ class DynamicLimits:
             self._alarms.warn(ALARM_JERK_LIMITED)
         return acceleration, deceleration, jerk
 
+    def without_warning(self, job: Job) -> tuple[float, float, float]:
+        """Return what `of` does, for a motion that is only weighed up."""
+        acceleration, _ = resolve(job.acceleration, 0.0, self.max_acceleration.value)
+        deceleration, _ = resolve(job.deceleration, 0.0, self.max_deceleration.value)
+        jerk, _ = resolve(job.jerk, 0.0, self.max_jerk.value)
+        return acceleration, deceleration, jerk
+
     def limit_braking(self, deceleration: float, jerk: float) -> tuple[float, float]:
         """Return what the dynamic limits leave of a deceleration and a jerk (0 = none); no limit is zero."""
         return min(deceleration, self.max_deceleration.value), min(jerk, self.max_jerk.value)

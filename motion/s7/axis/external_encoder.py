@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from fieldbus.history import History
     from motion.drives.port import DrivePort
     from motion.kernel.leading_value import Value
+    from motion.kernel.modulo import Modulo
 
 ALARM_ENCODER: Final = 411
 ALARM_COMMUNICATION: Final = 431
@@ -278,6 +279,11 @@ class ExternalEncoder(TechnologyObject):
     def leading_by(self, coupling: str) -> Callable[[], Value]:
         """Return the extrapolated actual value; an external encoder has no setpoint (SYN-003)."""
         return lambda: self.leading_value.extrapolated()  # noqa: PLW0108 - a restart makes another one
+
+    @property
+    @override
+    def leading_modulo(self) -> Modulo:
+        return self.modulo
 
     @override
     def gives_value(self) -> bool:

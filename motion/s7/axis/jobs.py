@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from fieldbus.history import History
-    from motion.kernel.synchronous import GearCoupling
+    from motion.kernel.synchronous import Coupling, Leaving, Waiting
 
 NO_ERROR: Final = 0x0000
 ERROR_ALARM: Final = 0x8001
@@ -37,6 +37,16 @@ ERROR_NUMERATOR: Final = 0x8017
 ERROR_DENOMINATOR: Final = 0x8018
 ERROR_CIRCLE: Final = 0x8019
 """The leading axis follows the following axis already (SYN-018)."""
+ERROR_MASTER_OFFSET: Final = 0x8021
+ERROR_SLAVE_OFFSET: Final = 0x8022
+ERROR_MASTER_SCALING: Final = 0x8023
+ERROR_SLAVE_SCALING: Final = 0x8024
+ERROR_LEADING_DISTANCE: Final = 0x8026
+ERROR_APPLICATION_MODE: Final = 0x8027
+ERROR_MASTER_SYNC_POSITION: Final = 0x8034
+ERROR_SLAVE_SYNC_POSITION: Final = 0x8035
+ERROR_SYNC_PROFILE: Final = 0x8036
+ERROR_SLAVE_POSITION: Final = 0x8037
 ERROR_LIMIT: Final = 0x8043
 ERROR_NO_TORQUE_REDUCTION: Final = 0x8044
 ERROR_POSITION_CONTROL: Final = 0x8045
@@ -55,6 +65,17 @@ ERROR_LIMIT_SWITCH: Final = 0x805B
 ERROR_DIRECT_CONNECTION: Final = 0x805D
 ERROR_NOT_CONTROLLED: Final = 0x8071
 ERROR_HOMING: Final = 0x8074
+ERROR_NO_GEAR: Final = 0x8077
+"""No `MC_GearIn` or `MC_GearInPos` waits or is active (SYN-208)."""
+ERROR_NO_CAM: Final = 0x8078
+"""No `MC_CamIn` waits or is active."""
+ERROR_VELOCITY_GEARING: Final = 0x8079
+"""The axis follows a velocity without position control (SYN-174)."""
+ERROR_NO_CAMMING: Final = 0x808B
+"""There is no camming at whose end another cam could begin (CAM-135)."""
+ERROR_FOLLOWS: Final = 0x80A1
+"""An axis whose positions follow a leading value is not homed actively (SYN-279)."""
+ERROR_SYNC_POSITION_OUTSIDE: Final = 0x80AD
 ERROR_CARD_FULL: Final = 0x80EB
 ERROR_CARD_WRITE: Final = 0x80EC
 ERROR_SAVE_INSTANCES: Final = 0x80ED
@@ -103,6 +124,10 @@ class JobClass(IntEnum):
     """`MC_GearInVelocity` (S2)."""
     NONE = 11
     """No motion: not in the table."""
+    SYNCHRONISE = 12
+    """`MC_GearInPos`, `MC_CamIn` (waiting S3, active S4)."""
+    DESYNCHRONISE = 13
+    """`MC_GearOut`, `MC_CamOut` (waiting S8, active S9)."""
 
 
 class Job:
@@ -116,20 +141,26 @@ class Job:
         "acceleration",
         "append",
         "begin",
+        "cam_number",
         "coupling",
         "current",
         "deceleration",
         "direction",
         "distance",
+        "entry",
         "error_id",
+        "function",
         "history",
         "in_velocity",
         "instruction",
         "jerk",
         "job_class",
+        "keeps_superimposed",
         "leader_number",
+        "leaving",
         "mode",
         "name",
+        "on_end",
         "position_controlled",
         "positions",
         "relative",
@@ -179,10 +210,22 @@ class Job:
         """Keep the velocity found at the start (`MC_MoveVelocity.Current`)."""
         self.released = False
         """Jog input gone: the job brakes to zero and then ends by itself."""
-        self.coupling: GearCoupling | None = None
+        self.coupling: Coupling | None = None
         """What a synchronous job makes of its leading value."""
         self.leader_number = 0
         """Number of the data block of the leading object of `coupling`."""
+        self.entry: Waiting | None = None
+        """The same, as one that waits for its start (`MC_GearInPos`, `MC_CamIn`)."""
+        self.leaving: Leaving | None = None
+        """The same, as one that waits for its end (`MC_GearOut`, `MC_CamOut`)."""
+        self.keeps_superimposed = False
+        """Superimposed motion goes on when the job takes over (`MC_CamIn` at the end of a cam, SYN-260)."""
+        self.function = 0
+        """`StatusSynchronizedMotion.FunctionState` of a synchronous job (SYN-034)."""
+        self.cam_number = 0
+        """Number of the data block of its cam; 0 without one."""
+        self.on_end: Callable[[], object] | None = None
+        """Called once the job has ended."""
         self.synchronous = False
         """The axis moves as its leading value says."""
         self.history: History | None = None
@@ -226,6 +269,7 @@ class Job:
             self.state = JobState.DONE
             self.in_velocity = self.synchronous = False
             self._log("job.done")
+            self._release()
 
     def abort(self) -> None:
         """End because another job or the disabling took over."""
@@ -233,6 +277,7 @@ class Job:
             self.state = JobState.ABORTED
             self.in_velocity = self.synchronous = False
             self._log("job.aborted")
+            self._release()
 
     def fail(self, error_id: int) -> None:
         """End with an error."""
@@ -241,3 +286,8 @@ class Job:
             self.error_id = error_id
             self.in_velocity = self.synchronous = False
             self._log("job.error")
+            self._release()
+
+    def _release(self) -> None:
+        if self.on_end is not None:
+            self.on_end()

@@ -12,18 +12,22 @@ from motion.kernel.superposition import Superposition
 from motion.s7.axis.homing.passive import abort_passive
 from motion.s7.axis.jobs import (
     ERROR_ALARM,
+    ERROR_FOLLOWS,
     ERROR_INTO_STOP,
     ERROR_JOB_MEMORY,
     ERROR_LOCKED,
+    ERROR_NO_CAM,
+    ERROR_NO_GEAR,
     ERROR_NOT_CONTROLLED,
     ERROR_POSITION_CONTROL,
     ERROR_STATE,
+    ERROR_VELOCITY_GEARING,
     NO_ERROR,
     Job,
     JobClass,
     JobState,
 )
-from motion.s7.axis.override import aborts
+from motion.s7.axis.override import aborts, aborts_waiting
 from motion.s7.axis.state import ACCEPTS_MOTION, AxisState
 
 if TYPE_CHECKING:
@@ -31,6 +35,7 @@ if TYPE_CHECKING:
     from motion.kernel.cell import Cell
     from motion.kernel.monitoring import Monitoring
     from motion.kernel.servo_axis import ServoAxis
+    from motion.kernel.synchronous import Coupling
     from motion.kernel.torque_limits import TorqueLimits
     from motion.s7.axis.alarms import AxisAlarms
     from motion.s7.axis.dynamic_limits import DynamicLimits
@@ -41,6 +46,10 @@ ALARM_LEADING_VALUE: Final = 601
 """The leading object is no possible one of the axis, or gives no valid value (SYN-017, SYN-294, SYN-296)."""
 ALARM_SYNCHRONISING: Final = 608
 """The leading value has turned round before the axis had reached it (SYN-312)."""
+_GEAR_OUT: Final = 4
+"""`FunctionState` of `MC_GearOut`."""
+_POSITIONS_FOLLOW: Final = (JobClass.SYNCHRONISE, JobClass.DESYNCHRONISE)
+"""Jobs whose axis is not homed actively (SYN-279, OVR-099)."""
 QUEUE_DEPTH: Final = 8
 """Waiting jobs per object (MC-265)."""
 
@@ -114,6 +123,10 @@ class MotionControl:
         """Jobs that wait for the one in control."""
         self.superimposed_job: Job | None = None
         """Job of the superimposed motion; it ends without one where its dynamic limits are zero."""
+        self.entering: Job | None = None
+        """Job that waits for the start of its synchronising (`MC_GearInPos`, `MC_CamIn`)."""
+        self.leaving: Job | None = None
+        """Job that waits for the start of its desynchronising (`MC_GearOut`, `MC_CamOut`)."""
         self.severity = 0
         """Severity of the stop ramp in progress: 0 none, 1 current, 2 maximum, 3
         emergency (STP-432 to STP-435).
@@ -364,9 +377,12 @@ class MotionControl:
         coupling = job.coupling
         assert coupling is not None  # every synchronous job has one
         gen = self.gen
-        acceleration, deceleration, jerk = self._planned_limits
         maximum = inf if coupling.by_velocity else self._limits.max_velocity.value  # SYN-106
-        coupling.step(cycle_s, maximum, acceleration, deceleration, jerk)
+        leaving = self.leaving
+        watched = leaving is not None and coupling.synchronous
+        if watched:
+            before, slopes = (coupling.s, coupling.v, coupling.a), (coupling.slope, coupling.curvature)
+        coupling.step(cycle_s, maximum, self._planned_limits)
         if not coupling.leading.valid:
             self._alarms.raise_alarm(ALARM_LEADING_VALUE)
             gen.advance(cycle_s)
@@ -375,9 +391,78 @@ class MotionControl:
             self._alarms.raise_alarm(ALARM_SYNCHRONISING)
             gen.advance(cycle_s)
             return
+        if watched and leaving is not None and self._leaves(leaving, coupling, before, slopes, cycle_s):
+            return
         gen.set_state(coupling.s, coupling.v, coupling.a)
         if coupling.synchronous and not job.synchronous:
             job.set_synchronous()
+
+    def _enter_when_due(self, job: Job, cycle_s: float) -> None:
+        """Let a job that waits for its leading value take over where it comes (SYN-098)."""
+        entry = job.entry
+        assert entry is not None  # every job that waits here has one
+        servo, limits = self._servo, self._limits
+        total = servo.total
+        acceleration, deceleration, jerk = limits.without_warning(job)
+        maximum = limits.velocity_limit()
+        reach = min(job.velocity, maximum)
+        due = entry.due(
+            cycle_s, (total.s, total.v, total.a), (reach, acceleration, deceleration, jerk, maximum)
+        )
+        if not entry.leading.valid:
+            self._alarms.raise_alarm(ALARM_LEADING_VALUE)
+            return
+        if not due:
+            return
+        self.entering = None
+        waiting, self.leaving = self.leaving, None
+        if waiting is not None:
+            waiting.abort()
+        if servo.superimposed is None or not job.keeps_superimposed:
+            self._abort_motion()
+        else:
+            self._abort_basic()
+        if job.velocity > maximum:
+            limits.repeat_warning()
+        self._activate(job)
+
+    def _leaves(
+        self,
+        job: Job,
+        coupling: Coupling,
+        before: tuple[float, float, float],
+        slopes: tuple[float, float],
+        cycle_s: float,
+    ) -> bool:
+        """Let a job take over that waits for the place from which the axis gets to its stop position
+        (SYN-207); returns whether it does.
+        """
+        leaving = job.leaving
+        assert leaving is not None  # every job that waits here has one
+        total, gen = self._servo.total, self.gen
+        added = (total.s - gen.s, total.v - gen.v, total.a - gen.a)
+        if not leaving.due(cycle_s, coupling, before, slopes, added):
+            return False
+        self.leaving = None
+        queue, self.queue = self.queue, []  # appended positioning goes on waiting (OVR-023)
+        self._abort_motion()
+        self.queue = queue
+        self._activate(job)
+        leaving.step(cycle_s, inf, self._planned_limits)
+        self.gen.set_state(leaving.s, leaving.v, leaving.a)
+        return True
+
+    def limits_of(self, job: Job) -> tuple[float, float, float]:
+        """Return acceleration, deceleration and jerk of a job after the dynamic limits, with their
+        warnings.
+        """
+        return self._limits.of(job)
+
+    @property
+    def waiting_function(self) -> int:
+        """`StatusSynchronizedMotion.WaitingFunctionState` (SYN-035)."""
+        job = self.entering or self.leaving
+        return 0 if job is None else job.function
 
     @property
     def synchronous_job(self) -> Job | None:
@@ -494,6 +579,9 @@ class MotionControl:
         refusal = self.refuses(job)
         if refusal:
             return refusal
+        if job.job_class is JobClass.HOMING and active is not None and active.job_class in _POSITIONS_FOLLOW:
+            return ERROR_FOLLOWS
+        self._abort_waiting(job)
         if job.append and active is not None:
             if len(self.queue) >= QUEUE_DEPTH:
                 return ERROR_JOB_MEMORY
@@ -511,11 +599,89 @@ class MotionControl:
         if self._servo.superimposed is None or aborts(
             job.job_class, JobClass.SUPERIMPOSED, append=job.append
         ):
-            self.abort_all()
+            self._abort_motion()
         else:
             self._abort_basic()
         self._activate(job)
         return NO_ERROR
+
+    def _abort_waiting(self, job: Job, *, waits: bool = False) -> None:
+        """Abort the jobs that wait for their leading value, where the table says so; `waits`: the new one
+        waits, too.
+        """
+        new, append = job.job_class, job.append
+        entering, leaving = self.entering, self.leaving
+        if entering is not None and aborts_waiting(new, JobClass.SYNCHRONISE, waits=waits, append=append):
+            self.entering = None
+            entering.abort()
+        if leaving is not None and aborts_waiting(new, JobClass.DESYNCHRONISE, waits=waits, append=append):
+            self.leaving = None
+            leaving.abort()
+
+    def submit_entry(self, job: Job) -> int:
+        """Let `job` wait until the axis begins to synchronise, on top of what it does (SYN-096); or return
+        the ErrorID of its rejection.
+        """
+        refusal = self._refuses_waiting() or self.refuses(job)
+        if refusal:
+            return refusal
+        if self.moving_job is JobClass.GEAR_IN_VELOCITY and not self._servo.position_controlled:
+            return ERROR_VELOCITY_GEARING  # SYN-174
+        job.start(self._name, self._history)
+        self._abort_waiting(job, waits=True)
+        if self.queue:  # appended positioning waits, too (OVR-019)
+            waiting, self.queue = self.queue, []
+            for one in waiting:
+                if one.append:
+                    one.abort()
+                else:
+                    self.queue.append(one)
+        self.entering = job
+        return NO_ERROR
+
+    def submit_leaving(self, job: Job, functions: tuple[int, ...]) -> int:
+        """Let `job` wait until the axis has to leave its leading value; or return the ErrorID of its
+        rejection.
+
+        Args:
+            job: Job with its `leaving`, or without one where it only ends jobs that wait (SYN-209).
+            functions: `FunctionState` of the jobs that it may end.
+
+        Returns:
+            ErrorID; 16#8077 or 16#8078 where there is no such job (SYN-208).
+
+        """
+        refusal = self._refuses_waiting()
+        if refusal:
+            return refusal
+        active, entering, leaving = self.synchronous_job, self.entering, self.leaving
+        follows = active is not None and active.function in functions
+        waits = entering is not None and entering.function in functions
+        leaves = leaving is not None and leaving.function == job.function
+        if not (follows or waits):
+            return ERROR_NO_GEAR if job.function == _GEAR_OUT else ERROR_NO_CAM
+        job.start(self._name, self._history)
+        if waits and entering is not None:
+            self.entering = None
+            entering.abort()
+        if leaves and leaving is not None:
+            self.leaving = None
+            leaving.abort()
+        if job.leaving is None or not follows:
+            job.activate()
+            job.finish()
+        else:
+            self.leaving = job
+        return NO_ERROR
+
+    def _refuses_waiting(self) -> int:
+        """Return why no job can wait for its leading value now, 0 if it can."""
+        state = self._states.state
+        if state is AxisState.RESTARTING:
+            return ERROR_STATE
+        if self._alarms.blocking:
+            return ERROR_ALARM
+        return ERROR_LOCKED if state not in ACCEPTS_MOTION or self.stopping else NO_ERROR
 
     def refuses(self, job: Job) -> int:
         """Return why a motion job cannot start while a fixed stop is travelled to or held, 0 if it can
@@ -645,6 +811,13 @@ class MotionControl:
 
     def abort_all(self) -> None:
         """End the job in control, the waiting ones and the superimposed one with `CommandAborted`."""
+        for one in (self.entering, self.leaving):
+            if one is not None:
+                one.abort()
+        self.entering = self.leaving = None
+        self._abort_motion()
+
+    def _abort_motion(self) -> None:
         if self._servo.superimposed is not None:
             moved = self._merge()
             if moved is not None:
@@ -663,6 +836,10 @@ class MotionControl:
 
     def fail_all(self, error_id: int = ERROR_ALARM) -> None:
         """End motion jobs with an error because of an alarm; a stop job is left to the caller (STP-252)."""
+        for one in (self.entering, self.leaving):
+            if one is not None:
+                one.fail(error_id)
+        self.entering = self.leaving = None
         if self._servo.superimposed is not None:
             moved = self._merge()
             if moved is not None:
@@ -784,11 +961,21 @@ class MotionControl:
             self.follow_limits()
         elif self._limits.velocity_limited and self._states.state is _MOTION and self.job is not None:
             self._repeat_warning()
+        if self.entering is not None:
+            self._enter_when_due(self.entering, cycle_s)
         job = self.job
+        if self.leaving is not None and (job is None or job.coupling is None):
+            self.leaving.abort()  # there is nothing to leave any more
+            self.leaving = None
         gen = self.gen
         if job is not None and job.job_class is _MOTION_IN and self._states.state is _MOTION:
             self.take_vector(job, cycle_s)
-        elif job is not None and job.coupling is not None and self._states.state is _MOTION:
+        elif (
+            job is not None
+            and job.coupling is not None
+            and self._states.state is _MOTION
+            and not job.coupling.ended
+        ):
             self._follow_leading_value(job, cycle_s)
         else:
             gen.advance(cycle_s)
@@ -813,7 +1000,11 @@ class MotionControl:
                 return
         job = self.job
         if job is not None and (job.job_class is _MOTION_IN or job.coupling is not None):
-            return
+            if job.coupling is None or not job.coupling.ended:
+                return
+            if job.job_class is not JobClass.DESYNCHRONISE:
+                self._end_function(job)
+                return
         if not gen.done:
             if job is not None and job.in_velocity:
                 job.set_in_velocity(False)
@@ -837,7 +1028,11 @@ class MotionControl:
             else:
                 job.set_in_velocity(True)
             return
-        if gen.v != 0.0 or (state is AxisState.MOTION and self._planned_velocity == 0.0):
+        if gen.v != 0.0 or (
+            state is AxisState.MOTION
+            and self._planned_velocity == 0.0
+            and (job is None or job.coupling is None)
+        ):
             return
         if state in _SWITCHES_OFF and self._servo.has_position and not self._arrived_behind_filter():
             return
@@ -866,6 +1061,16 @@ class MotionControl:
         for waiting in [one for one in self.queue if one.job_class is JobClass.HALT_BASIC]:
             self.queue.remove(waiting)
             waiting.finish()
+        self._next()
+
+    def _end_function(self, job: Job) -> None:
+        """End a job whose synchronous function has come to its end (CAM-106)."""
+        self.job = None
+        waiting = self.leaving
+        if waiting is not None:
+            self.leaving = None
+            waiting.abort()
+        job.finish()
         self._next()
 
     def _arrived_behind_filter(self) -> bool:

@@ -85,9 +85,9 @@ class OverrideTable:
                     for active in running:
                         yield Cell(self.section, row.identifier, column, new, active, letter, fate)
 
-    def row(self, identifier: str) -> str:
-        """Return the letters of a row, one character per column."""
-        return "".join(next(row.cells for row in self.rows if row.identifier == identifier))
+    def row(self, identifier: str) -> tuple[str, ...]:
+        """Return the letters of a row, one cell per column."""
+        return next(row.cells for row in self.rows if row.identifier == identifier)
 
 
 def _row(identifier: str, jobs: tuple[str, ...], cells: str, fates: str = "") -> Row:
@@ -130,8 +130,8 @@ MOTION: Final = OverrideTable(
         _row("OVR-019", _SYNC_WAITING, "- - - A - - - -", "P W W W W R W W"),
         _row("OVR-020", _SYNC_ACTIVE, "- A A A A - A A", "P T T T T R T T"),
         _row("OVR-021", ("MC_LeadingValueAdditive",), "- - - - - - - -", "P P P P P P P P"),
-        _row("OVR-022", _OUT_WAITING, "- - - - - - - -", "? ? ? ? ? R ? ?"),
-        _row("OVR-023", _OUT_ACTIVE, "- - - - - - A -", "? ? ? ? ? R T ?"),
+        _row("OVR-022", _OUT_WAITING, "- - - - - - - -", "R R R R R R W R"),
+        _row("OVR-023", _OUT_ACTIVE, "- - - - - - A -", "R R R R R R T R"),
     ),
     {
         "B": "an MC_Stop of equal or higher stop response aborts the running one, a lower one ends itself "
@@ -154,14 +154,14 @@ SYNCHRONOUS: Final = OverrideTable(
         "S9": _OUT_ACTIVE,
     },
     (
-        _row("OVR-025", _ACTIVE_HOMING, "A A - - - - - - -", "T T P R ? ? ? ? R"),
+        _row("OVR-025", _ACTIVE_HOMING, "A A - - - - - - -", "T T P R ? ? ? R R"),
         _row(
             "OVR-026",
             ("MC_Halt Mode 0", "MC_Halt Mode 1", *_SINGLE),
             "A A - A A A - A A",
             "T T P T T T P T T",
         ),
-        _row("OVR-027", _APPENDED, "- - - - - - - - -", "W W ? ? ? ? ? ? ?"),
+        _row("OVR-027", _APPENDED, "- - - - - - - - -", "W W P W ? ? ? W W"),
         _row("OVR-028", _MOTION_IN, "A A - A A A - A A", "T T P T T T P T T"),
         _row("OVR-029", _SUPERIMPOSED, "- -/N - - - - - - -", "? ? ? ? ? ? ? ? ?"),
         _row("OVR-030", ("MC_Stop",), "A A A A A A - A A", "T T T T T T P T T"),
@@ -171,8 +171,8 @@ SYNCHRONOUS: Final = OverrideTable(
         _row("OVR-034", ("MC_PhasingAbsolute", "MC_PhasingRelative"), "- N - - A N - - -"),
         _row("OVR-035", ("MC_OffsetAbsolute", "MC_OffsetRelative"), "- N - - N A - - -"),
         _row("OVR-036", ("MC_LeadingValueAdditive",), "- - - - - - A - -", "P P P P P P T P P"),
-        _row("OVR-037", _OUT_WAITING, "- N A - - - - A -", "W R W W ? ? ? W ?"),
-        _row("OVR-038", _OUT_ACTIVE, "A N A A A A - A -", "T R T T T T P T ?"),
+        _row("OVR-037", _OUT_WAITING, "- N A - - - - A -", "W R D W ? ? ? W R"),
+        _row("OVR-038", _OUT_ACTIVE, "A N A A A A - A -", "T R D T T T P T R"),
     ),
     {
         "-/N": "in position control the running job goes on, without it the new job is refused",
@@ -312,25 +312,36 @@ UNDER_INTERPRETER: Final = (
 """Rows OVR-058 to OVR-080."""
 
 
-COLUMNS: Final = (*MOTION.columns, "S1", "S2")
+COLUMNS: Final = (*MOTION.columns, *SYNCHRONOUS.columns)
 """H1 passive homing; H2 active homing; H3 `MC_Halt` Mode 1, positioning in control, `MC_MoveVelocity`,
 `MC_MoveJog`; H4 positioning that waits; H5 `MC_Halt` Mode 0; H6 `MC_Stop`; H7 superimposed; H8 MotionIn;
-S1 `MC_GearIn`; S2 `MC_GearInVelocity` in position control."""
+S1 `MC_GearIn`; S2 `MC_GearInVelocity` in position control; S3, S4 `MC_GearInPos` and `MC_CamIn` waiting and
+active; S5 phasing; S6 offset; S7 additive leading value; S8, S9 `MC_GearOut` and `MC_CamOut` waiting and
+active.
+"""
 
-TABLE: Final[dict[str, str]] = {
-    "MC_Home 3, 5": MOTION.row("OVR-011") + SYNCHRONOUS.row("OVR-025")[:2],
-    "MC_Home 9": MOTION.row("OVR-012") + "--",
-    "MC_Halt 1": MOTION.row("OVR-013") + SYNCHRONOUS.row("OVR-026")[:2],
-    "move": MOTION.row("OVR-014") + SYNCHRONOUS.row("OVR-026")[:2],
-    "BufferMode 1": MOTION.row("OVR-015") + SYNCHRONOUS.row("OVR-027")[:2],
-    "superimposed": MOTION.row("OVR-016") + SYNCHRONOUS.row("OVR-029")[:2],
-    "MC_Stop": MOTION.row("OVR-017") + SYNCHRONOUS.row("OVR-030")[:2],
-    "MC_GearIn": MOTION.row("OVR-018") + SYNCHRONOUS.row("OVR-031")[:2],
+
+def _whole(motion: str, synchronous: str) -> tuple[str, ...]:
+    return MOTION.row(motion) + SYNCHRONOUS.row(synchronous)
+
+
+TABLE: Final[dict[str, tuple[str, ...]]] = {
+    "MC_Home 3, 5": _whole("OVR-011", "OVR-025"),
+    "MC_Home 9": MOTION.row("OVR-012") + ("-",) * len(SYNCHRONOUS.columns),
+    "MC_Halt 1": _whole("OVR-013", "OVR-026"),
+    "move": _whole("OVR-014", "OVR-026"),
+    "MotionIn": _whole("OVR-014", "OVR-028"),
+    "BufferMode 1": _whole("OVR-015", "OVR-027"),
+    "superimposed": _whole("OVR-016", "OVR-029"),
+    "MC_Stop": _whole("OVR-017", "OVR-030"),
+    "MC_GearIn": _whole("OVR-018", "OVR-031"),
+    "sync waiting": _whole("OVR-019", "OVR-032"),
+    "sync active": _whole("OVR-020", "OVR-033"),
+    "desync waiting": _whole("OVR-022", "OVR-037"),
+    "desync active": _whole("OVR-023", "OVR-038"),
 }
-"""Rows OVR-011 to OVR-018 and, as the last letters, the columns `MC_GearIn` and
-`MC_GearInVelocity` of OVR-025 to OVR-031. "move" is
-OVR-014: `MC_Halt` Mode 0, positioning with `BufferMode` 0, `MC_MoveVelocity`, `MC_MoveJog`,
-`MC_MotionInVelocity`, `MC_MotionInPosition`.
+"""Rows of tables 3.1 and 3.2 over all columns. "move" is OVR-014: `MC_Halt` Mode 0, positioning with
+`BufferMode` 0, `MC_MoveVelocity`, `MC_MoveJog`; "MotionIn" `MC_MotionInVelocity`, `MC_MotionInPosition`.
 """
 
 _ROW: Final = {
@@ -338,12 +349,14 @@ _ROW: Final = {
     JobClass.HALT: "move",
     JobClass.POSITIONING: "move",
     JobClass.VELOCITY: "move",
-    JobClass.MOTION_IN: "move",
+    JobClass.MOTION_IN: "MotionIn",
     JobClass.STOP: "MC_Stop",
     JobClass.SUPERIMPOSED: "superimposed",
     JobClass.HOMING: "MC_Home 3, 5",
     JobClass.GEAR_IN: "MC_GearIn",
     JobClass.GEAR_IN_VELOCITY: "MC_GearIn",
+    JobClass.SYNCHRONISE: "sync active",
+    JobClass.DESYNCHRONISE: "desync active",
 }
 _COLUMN: Final = {
     JobClass.HALT_BASIC: "H3",
@@ -357,7 +370,15 @@ _COLUMN: Final = {
     JobClass.PASSIVE_HOMING: "H1",
     JobClass.GEAR_IN: "S1",
     JobClass.GEAR_IN_VELOCITY: "S2",
+    JobClass.SYNCHRONISE: "S4",
+    JobClass.DESYNCHRONISE: "S9",
 }
+_COLUMN_WAITING: Final = {
+    JobClass.POSITIONING: "H4",
+    JobClass.SYNCHRONISE: "S3",
+    JobClass.DESYNCHRONISE: "S8",
+}
+_ROW_WAITING: Final = {JobClass.SYNCHRONISE: "sync waiting", JobClass.DESYNCHRONISE: "desync waiting"}
 
 
 def cell(row: str, column: str) -> str:
@@ -369,4 +390,12 @@ def aborts(new: JobClass, active: JobClass, *, append: bool = False) -> bool:
     """Return whether a new job of class `new`, with `append` one with `BufferMode` 1, aborts an active one
     (cell `A`).
     """
-    return cell("BufferMode 1" if append else _ROW[new], _COLUMN[active]) == "A"
+    return cell("BufferMode 1" if append else _ROW[new], _COLUMN[active]).startswith("A")
+
+
+def aborts_waiting(new: JobClass, waiting: JobClass, *, waits: bool = False, append: bool = False) -> bool:
+    """Return whether a new job of class `new` aborts one that waits; `waits`: the new one waits, too;
+    `append`: with `BufferMode` 1.
+    """
+    row = "BufferMode 1" if append else _ROW_WAITING[new] if waits else _ROW[new]
+    return cell(row, _COLUMN_WAITING[waiting]) == "A"

@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 _RESTARTING: Final = AxisState.RESTARTING
 _POSITIONING: Final = JobClass.POSITIONING
 _VELOCITY: Final = JobClass.VELOCITY
+_STOP: Final = JobClass.STOP
 _NO_OFF2: Final = int(STW1.NO_OFF2)
 _MOTION_IN: Final = JobClass.MOTION_IN
+_DESYNCHRONISE: Final = JobClass.DESYNCHRONISE
 _ACTIVE: Final = JobState.ACTIVE
 
 ENABLE: Final = 1 << 0
@@ -57,6 +59,7 @@ IN_CLAMPING: Final = 1 << 30
 MOTION_IN: Final = 1 << 31
 
 STOP: Final = 1 << 0
+DESYNCHRONIZING: Final = 1 << 1
 PASSING_BACKLASH: Final = 1 << 2
 MOTION_IN_SUPERIMPOSED: Final = 1 << 6
 HALT_SUPERIMPOSED: Final = 1 << 7
@@ -127,7 +130,7 @@ class StatusWords:
                 word |= JOG_COMMAND if job.instruction == "MC_MoveJog" else VELOCITY_COMMAND
             elif cls is _MOTION_IN:
                 word |= MOTION_IN
-            elif job.coupling is not None:
+            elif job.coupling is not None and cls is not _DESYNCHRONISE:
                 word |= SYNCHRONOUS if job.synchronous else SYNCHRONIZING
         if facts.controlled and not self._command.switching_off:
             gen = servo.total
@@ -178,13 +181,16 @@ class StatusWords:
         return word
 
     def word2(self) -> int:
-        """Return `StatusWord2`: `MC_Stop` holds the axis, a backlash is passed, a
+        """Return `StatusWord2`: `MC_Stop` holds the axis, a leading value is left, a backlash is passed, a
         superimposed motion is given or brakes.
         """
         motion = self._motion
         servo = self._servo
         job = motion.job
-        word = STOP if job is not None and job.job_class is JobClass.STOP else 0
+        word = 0
+        if job is not None:
+            cls = job.job_class
+            word = STOP if cls is _STOP else DESYNCHRONIZING if cls is _DESYNCHRONISE else 0
         for backlash in servo.backlashes:
             if backlash.passing and backlash.feedback is servo.feedback:
                 word |= PASSING_BACKLASH

@@ -21,6 +21,7 @@ from itertools import count
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol
 
 from motion.kernel.mechanics import INCREMENTAL
+from motion.kernel.modulo import NO_MODULO
 from motion.s7.axis.homing.passive import abort_passive
 from motion.s7.axis.jobs import ERROR_CONFIGURATION, NO_ERROR
 from motion.s7.axis.state import AxisState
@@ -243,6 +244,11 @@ class TechnologyObject(ABC):
     def leads_without_position_control(self) -> bool:
         """Whether the setpoint has no positions that could be followed (alarm 603)."""
         return False
+
+    @property
+    def leading_modulo(self) -> Modulo:
+        """Modulo range of its positions."""
+        return NO_MODULO
 
     def leading_by(self, coupling: str) -> Callable[[], Value]:
         """Return what gives the value of each cycle to a follower with this type of coupling, one of

@@ -171,6 +171,8 @@ class Cam:
         self.name = name
         self.cpu = cpu
         self.history = history
+        self.db_number = 0
+        """Number of the data block; 0 before a runtime has the cam."""
         self.data = CamData(CAM_TYPES[kind], name=name, history=history)
         """Points, segments and settings."""
         self.engine = AlarmEngine(name, object_type=self.object_type, history=history)

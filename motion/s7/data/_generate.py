@@ -34,13 +34,35 @@ def _bit(text: str | None) -> tuple[int | None, str]:
 
 _POSITION_RANGE: Final = (-1e12, 1e12)
 _SYNCHRONOUS: Final = (
-    ("FunctionState", "DINT", "", "Synchronous function: 0 none, 1 MC_GearIn, 6 MC_GearInVelocity."),
+    (
+        "FunctionState",
+        "DINT",
+        "",
+        "0 none, 1 MC_GearIn, 2 MC_GearInPos, 3 MC_CamIn, 4 MC_GearOut, 5 MC_CamOut, 6 MC_GearInVelocity.",
+    ),
+    (
+        "WaitingFunctionState",
+        "DINT",
+        "",
+        "Job that waits: 0 none, 2 MC_GearInPos, 3 MC_CamIn, 4 MC_GearOut, 5 MC_CamOut.",
+    ),
+    ("ActualCam", "DB_ANY", "", "Number of the data block of the cam in use; 0 without camming."),
     (
         "ActualMaster",
         "DB_ANY",
         "",
         "Number of the data block of the leading object in use; 0 without synchronous operation.",
     ),
+    *(
+        (name, "LREAL", "", f"{meaning} of the cam in use; computed where the job computes it.")
+        for name, meaning in (
+            ("MasterOffset", "Shift of the leading values"),
+            ("MasterScaling", "Factor of the leading values"),
+            ("SlaveOffset", "Shift of the following values"),
+            ("SlaveScaling", "Factor of the following values"),
+        )
+    ),
+    ("Offset", "LREAL", "position", "Offset of the following value, the shift of a cam included."),
     *(
         (f"{part}.{quantity}", "LREAL", quantity.lower(), f"{meaning}: {quantity.lower()}.")
         for part, meaning in (

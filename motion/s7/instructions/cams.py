@@ -11,15 +11,20 @@ from typing import Any, ClassVar, Final
 from typing_extensions import override
 
 from motion.kernel.cams import NEAREST, NEGATIVE, POSITIVE, ScaledCurve
-from motion.s7.axis.jobs import ERROR_MODE, NO_ERROR, Job, JobState
+from motion.s7.axis.jobs import (
+    ERROR_MASTER_OFFSET,
+    ERROR_MASTER_SCALING,
+    ERROR_MODE,
+    ERROR_SLAVE_OFFSET,
+    ERROR_SLAVE_SCALING,
+    NO_ERROR,
+    Job,
+    JobState,
+)
 from motion.s7.cams import Cam, PointArray, SegmentArray
 from motion.s7.instructions.base import ExecuteInstruction, Instruction
 from motion.s7.instructions.dynamics import is_number, is_whole
 
-ERROR_MASTER_OFFSET: Final = 0x8021
-ERROR_SLAVE_OFFSET: Final = 0x8022
-ERROR_MASTER_SCALING: Final = 0x8023
-ERROR_SLAVE_SCALING: Final = 0x8024
 ERROR_APPROACH_VALUE: Final = 0x8062
 ERROR_NO_LEADING_VALUE: Final = 0x8063
 ERROR_NO_FOLLOWING_VALUE: Final = 0x8064

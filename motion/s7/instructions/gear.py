@@ -1,38 +1,96 @@
-"""`MC_GearIn` and `MC_GearInVelocity`: relative and velocity gearing (sections 7.1 and 7.3 of the
-specification of synchronous operation).
+"""`MC_GearIn`, `MC_GearInPos`, `MC_GearInVelocity`: relative, absolute and velocity gearing (sections 7.1 to
+7.3 of the specification of synchronous operation).
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from motion.kernel.synchronous import GearCoupling, LeadingMotion
+from motion.kernel.synchronous import Entry, FunctionCoupling, GearCoupling, LeadingMotion, Line
 from motion.s7.axis.jobs import (
     ERROR_ALARM,
     ERROR_CIRCLE,
     ERROR_DENOMINATOR,
+    ERROR_DIRECTION,
+    ERROR_LEADING_DISTANCE,
+    ERROR_MASTER_SYNC_POSITION,
     ERROR_NUMERATOR,
     ERROR_REFERENCE,
+    ERROR_SLAVE_SYNC_POSITION,
+    ERROR_SYNC_PROFILE,
     NO_ERROR,
     Job,
     JobClass,
+    JobState,
 )
 from motion.s7.axis.motion import ALARM_LEADING_VALUE
 from motion.s7.axis.state import ACCEPTS_MOTION
 from motion.s7.axis.technology_object import ACTUAL, TechnologyObject
 from motion.s7.instructions.base import DEFAULT, ExecuteInstruction
-from motion.s7.instructions.dynamics import is_whole, resolve
+from motion.s7.instructions.dynamics import POSITION_LIMIT, is_number, is_whole, resolve
 
 if TYPE_CHECKING:
     from motion.s7.axis.axis import TechnologyAxis
 
 ALARM_NOT_CONTROLLED: Final = 603
 """The leading axis is not position-controlled (SYN-025)."""
+ALARM_NOT_HOMED: Final = 321
+_PROFILES: Final = {0: Entry.DYNAMIC, 1: Entry.ADVANCE, 3: Entry.SUBSEQUENT, 4: Entry.FROM_HERE}
+"""`SyncProfileReference` of `MC_GearInPos` (SYN-151, SYN-350)."""
 _LARGEST: Final = (1 << 31) - 1
-_LEADING: Final = frozenset(("PositioningAxis", "ExternalEncoder"))
+LEADING_TYPES: Final = frozenset(("PositioningAxis", "ExternalEncoder"))
+"""Types of the objects at the input `Master`."""
 
+
+RELATIVE_GEARING: Final = 1
+ABSOLUTE_GEARING: Final = 2
+CAMMING: Final = 3
+VELOCITY_GEARING: Final = 6
+"""`StatusSynchronizedMotion.FunctionState` (SYN-034)."""
 
 _DYNAMICS: Final = {"Acceleration": DEFAULT, "Deceleration": DEFAULT, "Jerk": DEFAULT}
+
+
+def leading_motion(axis: TechnologyAxis, leader: TechnologyObject) -> LeadingMotion:
+    """Return the value of `leader` as `axis` takes it."""
+    return LeadingMotion(leader.leading_by(axis.coupling_with(leader)), leader.gives_value)
+
+
+def unfit_leader(axis: TechnologyAxis, leader: TechnologyObject, *, by_velocity: bool) -> int:
+    """Return why `leader` cannot lead `axis`, 0 if it can; alarms 601 and 603 are raised here."""
+    if axis.leads(leader):
+        return ERROR_CIRCLE
+    if axis.alarms.blocking or axis.state not in ACCEPTS_MOTION:
+        return NO_ERROR  # the axis says why nothing can start when it gets the job
+    if leader not in axis.leading_objects or not leader.gives_value():
+        axis.alarms.raise_alarm(ALARM_LEADING_VALUE)
+        return ERROR_ALARM
+    return NO_ERROR if by_velocity else without_position_control(axis, leader)
+
+
+def without_position_control(axis: TechnologyAxis, leader: TechnologyObject) -> int:
+    """Return 16#8001 with alarm 603 where the setpoint of `leader` is followed and has no positions."""
+    if axis.coupling_with(leader) == ACTUAL or not leader.leads_without_position_control:
+        return NO_ERROR
+    axis.alarms.raise_alarm(ALARM_NOT_CONTROLLED)
+    return ERROR_ALARM
+
+
+def not_homed(axis: TechnologyAxis) -> int:
+    """Return 16#8001 with alarm 321 where positions of `axis` have to be those of the machine and are not
+    (SYN-381).
+    """
+    if axis.homed or axis.alarms.blocking or axis.state not in ACCEPTS_MOTION:
+        return NO_ERROR
+    axis.alarms.raise_alarm(ALARM_NOT_HOMED)
+    return ERROR_ALARM
+
+
+def wrong_way(has_distance: bool, distance: float, direction: int) -> int:
+    """Return the ErrorID of a leading value distance or a direction that is not permitted, 0 for none."""
+    if has_distance and not (is_number(distance, POSITION_LIMIT) and distance > 0.0):
+        return ERROR_LEADING_DISTANCE
+    return NO_ERROR if is_whole(direction) and direction in (1, 2, 3) else ERROR_DIRECTION
 
 
 class _Gearing(ExecuteInstruction):
@@ -58,39 +116,25 @@ class _Gearing(ExecuteInstruction):
     def _prepare(self, job_class: JobClass, *, by_velocity: bool) -> Job | int:
         """Return the job with its coupling, not yet handed over; or the ErrorID of what is not permitted."""
         leader = self.Master
-        if not isinstance(leader, TechnologyObject) or _LEADING.isdisjoint(leader.kinds):
+        if not isinstance(leader, TechnologyObject) or LEADING_TYPES.isdisjoint(leader.kinds):
             return ERROR_REFERENCE
         job = Job(job_class, instruction=self.instruction, name=self.name)
-        error = self._wrong_ratio() or resolve(self, job, velocity=False) or self._unfit(leader, by_velocity)
+        error = (
+            self._wrong_ratio()
+            or resolve(self, job, velocity=False)
+            or unfit_leader(self.axis, leader, by_velocity=by_velocity)
+        )
         if error:
             return error
         job.coupling = GearCoupling(
-            LeadingMotion(leader.leading_by(self.axis.coupling_with(leader)), leader.gives_value),
+            leading_motion(self.axis, leader),
             self.RatioNumerator,
             self.RatioDenominator,
             by_velocity=by_velocity,
         )
         job.leader_number = leader.db_number
+        job.function = VELOCITY_GEARING if by_velocity else RELATIVE_GEARING
         return job
-
-    def _unfit(self, leader: TechnologyObject, by_velocity: bool) -> int:
-        """Return why the leading object cannot lead this axis; 0 if it can."""
-        axis = self.axis
-        above: TechnologyObject | None = leader
-        while above is not None:
-            if above is axis:
-                return ERROR_CIRCLE
-            above = above.leader
-        if axis.alarms.blocking or axis.state not in ACCEPTS_MOTION:
-            return NO_ERROR  # `submit` says why nothing can start
-        if leader not in axis.leading_objects or not leader.gives_value():
-            axis.alarms.raise_alarm(ALARM_LEADING_VALUE)
-            return ERROR_ALARM
-        by_position = axis.coupling_with(leader) != ACTUAL and not by_velocity
-        if by_position and leader.leads_without_position_control:
-            axis.alarms.raise_alarm(ALARM_NOT_CONTROLLED)
-            return ERROR_ALARM
-        return NO_ERROR
 
 
 class MC_GearIn(_Gearing):
@@ -136,6 +180,99 @@ class MC_GearIn(_Gearing):
     def in_gear(self) -> bool:
         """Return `InGear`."""
         return self.InGear
+
+
+class MC_GearInPos(_Gearing):
+    """Let a synchronous axis follow a leading axis with a gear ratio and a fixed relation of positions
+    (S7-1500T; SYN-148 to SYN-164).
+
+    Inputs: those of `MC_GearIn`; `MasterSyncPosition` and `SlaveSyncPosition`, the positions that belong
+    together, axis units (16#8034, 16#8035); `SyncProfileReference` (16#8036): 0 in advance with the dynamic
+    values, 1 in advance over `MasterStartDistance`, 3 over that distance from `MasterSyncPosition` on, 4 over
+    it from the present leading value on; `MasterStartDistance`, leading axis unit, above 0 (16#8026);
+    `Velocity`, `Acceleration`, `Deceleration`, `Jerk` of profile 0; `SyncDirection` of a following axis with
+    a modulo range, 1 positive, 2 negative, 3 either (16#8007). Outputs: `StartSync`, the axis synchronises;
+    `InSync`, it is synchronous; and the common ones. Until `StartSync` the job waits and aborts nothing.
+
+    The axis has to be homed (alarm 321). A leading value that turns round while the axis synchronises, or a
+    way against `SyncDirection`, is alarm 608.
+    """
+
+    instruction = "MC_GearInPos"
+    inputs: ClassVar[dict[str, Any]] = {
+        "Execute": False, "Master": None, "RatioNumerator": 1, "RatioDenominator": 1,
+        "MasterSyncPosition": 0.0, "SlaveSyncPosition": 0.0, "SyncProfileReference": 1,
+        "MasterStartDistance": 1.0, "Velocity": DEFAULT, **_DYNAMICS, "SyncDirection": 3,
+    }  # fmt: skip
+    MasterSyncPosition: float
+    SlaveSyncPosition: float
+    SyncProfileReference: int
+    MasterStartDistance: float
+    Velocity: float
+    SyncDirection: int
+
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
+        self.StartSync = False
+        self.InSync = False
+        super().__init__(axis, name=name, **inputs)
+
+    def _start(self) -> Job | int:
+        axis, leader = self.axis, self.Master
+        if not isinstance(leader, TechnologyObject) or LEADING_TYPES.isdisjoint(leader.kinds):
+            return ERROR_REFERENCE
+        error = self._wrong_ratio() or self._wrong_positions()
+        if error:
+            return error
+        entry = _PROFILES[self.SyncProfileReference]
+        job = Job(JobClass.SYNCHRONISE, instruction=self.instruction, name=self.name)
+        if entry is Entry.DYNAMIC:
+            error = resolve(self, job, velocity=True)
+        error = error or unfit_leader(axis, leader, by_velocity=False) or not_homed(axis)
+        if error:
+            return error
+        x = float(self.MasterSyncPosition)
+        job.function, job.leader_number = ABSOLUTE_GEARING, leader.db_number
+        job.position_controlled = True
+        job.coupling = job.entry = FunctionCoupling(
+            leading_motion(axis, leader),
+            Line(self.RatioNumerator, self.RatioDenominator, x, float(self.SlaveSyncPosition)),
+            entry,
+            x=x,
+            distance=float(self.MasterStartDistance) if entry is not Entry.DYNAMIC else 0.0,
+            leading_modulo=leader.leading_modulo,
+            modulo=axis.servo.modulo,
+            direction=self.SyncDirection,
+        )
+        return axis.motion.submit_entry(job) or job
+
+    def _wrong_positions(self) -> int:
+        """Return the ErrorID of a position, profile, distance or direction that is not permitted, 0 for
+        none.
+        """
+        if not is_number(self.MasterSyncPosition, POSITION_LIMIT):
+            return ERROR_MASTER_SYNC_POSITION
+        if not is_number(self.SlaveSyncPosition, POSITION_LIMIT):
+            return ERROR_SLAVE_SYNC_POSITION
+        if not is_whole(self.SyncProfileReference) or self.SyncProfileReference not in _PROFILES:
+            return ERROR_SYNC_PROFILE
+        return wrong_way(self.SyncProfileReference != 0, self.MasterStartDistance, self.SyncDirection)
+
+    def _clear(self) -> None:
+        super()._clear()
+        self.StartSync = self.InSync = False
+
+    def _show(self, job: Job) -> None:
+        super()._show(job)
+        self.InSync = job.synchronous
+        self.StartSync = job.state is JobState.ACTIVE and not job.synchronous
+
+    def in_sync(self) -> bool:
+        """Return `InSync`."""
+        return self.InSync
+
+    def start_sync(self) -> bool:
+        """Return `StartSync`."""
+        return self.StartSync
 
 
 class MC_GearInVelocity(_Gearing):
@@ -189,7 +326,7 @@ class MC_GearInVelocity(_Gearing):
         if not (self.ContinuousUpdate and job.busy):
             self.ContinuousUpdateActive = False
         updates = self.ContinuousUpdateActive and job.synchronous and not self._wrong_ratio()
-        if updates and job.coupling is not None:
+        if updates and isinstance(job.coupling, GearCoupling):
             job.coupling.change_ratio(self.RatioNumerator, self.RatioDenominator)
 
     def in_sync(self) -> bool:

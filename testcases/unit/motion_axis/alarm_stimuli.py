@@ -398,6 +398,7 @@ ELSEWHERE = {
     601: "testcases/unit/motion_axis/test_gear_in.py",
     603: "testcases/unit/motion_axis/test_gear_in.py",
     608: "testcases/unit/motion_axis/test_gear_in.py",
+    612: "testcases/unit/motion_axis/test_cam_in.py",
 }
 """Alarms that need a drive with parameters, a station or a stop in the way, and where they are brought about.
 """

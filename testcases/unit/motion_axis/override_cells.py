@@ -12,8 +12,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import motion.s7.instructions as instructions
+from motion.kernel.cams import Point
 from motion.s7.axis.override import CELLS, FATES, TABLES, UNDER_INTERPRETER, Cell, OverrideTable
-from testcases.unit.motion_axis.conftest import Rig
+from motion.s7.cam_handle import CamHandle
+from motion.s7.cams import Cam
+from testcases.unit.motion_axis.conftest import CYCLE, Rig
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "reference" / "overriding.md"
 NO_SUCH_MODE = 0x800A
@@ -43,6 +46,82 @@ def _gear_in_velocity(rig: Rig) -> Any:
     return rig.axis.gear_in_velocity(rig.leader, 3, 2, PositionControlled=True)
 
 
+def _gear_in_pos(rig: Rig) -> Any:
+    """Synchronise at once, to where the axis is now."""
+    rig.leader_at(60.0)
+    master, slave = rig.leader.var("Position"), rig.axis.var("Position")
+    return rig.axis.gear_in_pos(
+        rig.leader, master, slave, 3, 2, SyncProfileReference=4, MasterStartDistance=60.0
+    )
+
+
+def _gear_in_pos_waiting(rig: Rig) -> Any:
+    rig.leader_at(0.0)
+    return rig.axis.gear_in_pos(rig.leader, 5000.0, 0.0)
+
+
+def cam_of(rig: Rig, points: Any = ((0.0, 0.0), (1000.0, 500.0)), **variables: Any) -> Any:
+    """Return a cam of the rig with these points, interpolated."""
+    cam = Cam("cam", points=[Point(*point) for point in points], variables=variables, history=rig.history)
+    rig.runtime.add_cam(cam)
+    handle = CamHandle(rig.runtime, cam)
+    rig.until(handle.interpolate().done)
+    return handle
+
+
+def _cam_in(rig: Rig) -> Any:
+    """Synchronise at once, to where the axis is now."""
+    rig.leader_at(60.0)
+    cam = cam_of(rig)
+    master, slave = rig.leader.var("Position"), rig.axis.var("Position")
+    return rig.axis.cam_in(
+        rig.leader, cam, MasterOffset=master - 1.0, SlaveOffset=slave,
+        SyncProfileReference=4, MasterStartDistance=60.0,
+    )  # fmt: skip
+
+
+def _cam_in_waiting(rig: Rig) -> Any:
+    rig.leader_at(0.0)
+    return rig.axis.cam_in(rig.leader, cam_of(rig), MasterOffset=5000.0, MasterStartDistance=1.0)
+
+
+def _leave(rig: Rig, name: str, *, deceleration: float, far: float = 0.0) -> Any:
+    """Let the synchronous axis brake to where this deceleration takes it from the call on, or farther."""
+    if rig.axis.var("StatusWord.X21"):
+        rig.until(lambda: not rig.axis.var("StatusWord.X21"))
+        rig.cycles()
+    velocity = rig.axis.var("Velocity")
+    position = rig.axis.var("Position") + velocity * (0.5 * velocity / deceleration + 1.5 * CYCLE)
+    return getattr(rig.axis, name)(
+        position + far, SyncProfileReference=0, Deceleration=deceleration, Jerk=0.0
+    )
+
+
+def _leaving(start: Make, name: str, *, deceleration: float, far: float = 0.0) -> Make:
+    """Return how an axis gets synchronous and leaves its leading value again."""
+
+    def prepared(rig: Rig) -> Any:
+        first = start(rig)
+        rig.until(lambda: first.InSync)
+        rig.cycles()
+        return _leave(rig, name, deceleration=deceleration, far=far)
+
+    return prepared
+
+
+def other_kind(cell: Cell) -> bool:
+    """Return whether the new job ends gears and the running one is a cam, or the other way round: then the
+    letters of the cell are not meant for them (note 6 of table 3.2).
+    """
+    kinds = [name.removeprefix("MC_")[:3] for name in (cell.new, cell.active)]
+    return "Out" in cell.new and sorted(kinds) == ["Cam", "Gea"]
+
+
+def synchronous(*jobs: str) -> bool:
+    """Return whether one of these jobs needs a leading axis."""
+    return any(job.startswith(("MC_Gear", "MC_Cam")) for job in jobs)
+
+
 NEW: dict[str, Start] = {
     "MC_Home Mode 2": Start(lambda rig: rig.axis.home(5.0, mode=2), "busy"),
     "MC_Home Mode 3": Start(lambda rig: rig.axis.home(5.0, mode=3), "busy"),
@@ -63,6 +142,14 @@ NEW: dict[str, Start] = {
     "MC_HaltSuperimposed": Start(lambda rig: rig.axis.halt_superimposed(Deceleration=100.0), "Done"),
     "MC_GearIn": Start(_gear_in, "InGear"),
     "MC_GearInVelocity": Start(_gear_in_velocity, "InSync"),
+    "MC_GearInPos waiting": Start(_gear_in_pos_waiting, "busy"),
+    "MC_GearInPos active": Start(_gear_in_pos, "InSync"),
+    "MC_CamIn waiting": Start(_cam_in_waiting, "busy"),
+    "MC_CamIn active": Start(_cam_in, "InSync"),
+    "MC_GearOut waiting": Start(lambda rig: _leave(rig, "gear_out", deceleration=500.0, far=5000.0), "busy"),
+    "MC_CamOut waiting": Start(lambda rig: _leave(rig, "cam_out", deceleration=500.0, far=5000.0), "busy"),
+    "MC_GearOut active": Start(lambda rig: _leave(rig, "gear_out", deceleration=500.0), "Done"),
+    "MC_CamOut active": Start(lambda rig: _leave(rig, "cam_out", deceleration=500.0), "Done"),
     "MC_MotionInVelocity": Start(lambda rig: rig.axis.motion_in_velocity(rig.axis.var("Velocity")), "busy"),
     "MC_MotionInPosition": Start(_motion_in_position, "busy"),
     "MC_MotionInSuperimposed": Start(lambda rig: rig.axis.motion_in_superimposed(0.0), "busy"),
@@ -117,6 +204,14 @@ ACTIVE: dict[str, Make] = {
     "MC_HaltSuperimposed": _halts_superimposed,
     "MC_GearIn": _gear_in,
     "MC_GearInVelocity": _gear_in_velocity,
+    "MC_GearInPos waiting": _gear_in_pos_waiting,
+    "MC_GearInPos active": _gear_in_pos,
+    "MC_CamIn waiting": _cam_in_waiting,
+    "MC_CamIn active": _cam_in,
+    "MC_GearOut waiting": _leaving(_gear_in_pos, "gear_out", deceleration=500.0, far=5000.0),
+    "MC_CamOut waiting": _leaving(_cam_in, "cam_out", deceleration=500.0, far=5000.0),
+    "MC_GearOut active": _leaving(_gear_in_pos, "gear_out", deceleration=20.0),
+    "MC_CamOut active": _leaving(_cam_in, "cam_out", deceleration=5.0),
     "MC_MotionInVelocity": lambda rig: rig.axis.motion_in_velocity(20.0),
     "MC_MotionInPosition": _motion_in_position,
     "MC_MotionInSuperimposed": lambda rig: rig.axis.motion_in_superimposed(0.0),

@@ -182,6 +182,11 @@ ELSEWHERE = {
     0x8017: "testcases/unit/motion_axis/test_gear_in.py",
     0x8018: "testcases/unit/motion_axis/test_gear_in.py",
     0x8019: "testcases/unit/motion_axis/test_gear_in.py",
+    **dict.fromkeys(
+        (0x8026, 0x8034, 0x8035, 0x8036, 0x8079), "testcases/unit/motion_axis/test_gear_in_pos.py"
+    ),
+    **dict.fromkeys((0x8037, 0x8077, 0x8078, 0x80A1), "testcases/unit/motion_axis/test_gear_out.py"),
+    **dict.fromkeys((0x8027, 0x808B, 0x80AD), "testcases/unit/motion_axis/test_cam_in.py"),
     0x8012: "testcases/unit/motion_axis/test_control_panel.py",
     0x8013: "testcases/unit/motion_axis/test_control_panel.py",
     0x8046: "testcases/unit/hil/test_torque_instructions.py",

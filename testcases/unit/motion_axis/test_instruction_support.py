@@ -10,6 +10,7 @@ import motion.s7.instructions as instructions
 from fieldbus.errors import ConfigurationError
 from motion.drives.simulated import SimulatedDrivePort
 from motion.s7.axis import ExternalEncoder, PositioningAxis, SpeedAxis, SynchronousAxis
+from motion.s7.cams import Cam
 from testcases.unit.motion_axis.conftest import Rig, TorquePort
 
 KINDS = {"S": SpeedAxis, "P": PositioningAxis, "Y": SynchronousAxis, "E": ExternalEncoder}
@@ -36,6 +37,10 @@ SUPPORT = [
     (("CFG-056", "MC-049", "MC-492"), "MC_MotionInPosition", "P"),
     (("CFG-057", "MC-049", "MC-502"), "MC_MotionInSuperimposed", "P"),
     ((), "MC_GearIn", "Y"),
+    ((), "MC_CamIn", "Y"),
+    ((), "MC_CamOut", "Y"),
+    ((), "MC_GearInPos", "Y"),
+    ((), "MC_GearOut", "Y"),
     ((), "MC_GearInVelocity", "Y"),
 ]
 START = {
@@ -78,6 +83,8 @@ def test_objects(name, objects):
             instance.set(
                 Master=PositioningAxis("leader", SimulatedDrivePort(cycle_s=0.001), cycle_ns=1_000_000)
             )
+        if "Cam" in kind.inputs:
+            instance.set(Cam=Cam("cam"), MasterStartDistance=1.0)
         word = axis.var("StatusWord")
         instance(**{START.get(name, "Execute"): True})
         assert (instance.ErrorID == 0x8002) is (letter not in objects), (name, letter, hex(instance.ErrorID))

@@ -11,7 +11,7 @@ import pytest
 from motion.s7.axis import AxisState
 from motion.s7.instructions import MC_Home, MC_SetSensor
 from testcases.catalogue import each
-from testcases.unit.motion_axis.override_cells import ACTIVE, exists
+from testcases.unit.motion_axis.override_cells import ACTIVE, exists, synchronous
 from testcases.unit.motion_axis.test_sensors import Rig as SensorRig
 
 REACTIONS = {1: 533, 2: 104, 3: 321, 4: 421, 5: 550}
@@ -140,9 +140,10 @@ def test_stop_over_the_stop_that_has_taken_an_alarm_over(rig):
 def check_disabling_aborts_everything(make_rig, stop_mode, name):
     rig = make_rig(
         variables={"DynamicLimits.MaxJerk": 1.0e9},  # full deceleration at once, also with StopMode 2
-        synchronous=name.startswith("MC_GearIn"),
+        synchronous=synchronous(name),
     )
     job = bring(rig, name)
+    rig.until(lambda: not rig.axis.var("StatusWord.X21"))
     rig.run(0.2)  # at constant velocity, or braking by less than every mode does
     since = len(rig.rows) - 1
     power = rig.axis.power(False, stop_mode=stop_mode)
@@ -179,7 +180,7 @@ def test_disabling_aborts_everything(make_rig, subtests):
 @pytest.mark.parametrize("name", [*RUNNING])
 def test_the_link_is_lost(make_rig, name):
     """Alarm 431 with reaction 4, ErrorWord.X7; every job 16#8001 but MC_Stop, which shows CommandAborted."""
-    rig = make_rig(synchronous=name.startswith("MC_GearIn"))
+    rig = make_rig(synchronous=synchronous(name))
     job = bring(rig, name)
     rig.port.link = False
     rig.cycles(4)

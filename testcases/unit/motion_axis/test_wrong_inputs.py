@@ -12,6 +12,7 @@ import motion.s7.instructions as instructions
 from motion.s7.axis import AxisState
 from testcases.catalogue import each
 from testcases.unit.motion_axis.conftest import Rig, TorquePort
+from testcases.unit.motion_axis.override_cells import cam_of, synchronous
 
 ERRORS = {
     "Velocity": 0x8003,
@@ -20,6 +21,15 @@ ERRORS = {
     "AccelerationDiff": 0x8004,
     "Deceleration": 0x8005,
     "Jerk": 0x8006,
+    "MasterOffset": 0x8021,
+    "SlaveOffset": 0x8022,
+    "MasterScaling": 0x8023,
+    "SlaveScaling": 0x8024,
+    "MasterStartDistance": 0x8026,
+    "MasterStopDistance": 0x8026,
+    "MasterSyncPosition": 0x8034,
+    "SlaveSyncPosition": 0x8035,
+    "SlavePosition": 0x8037,
     "Distance": 0x8008,
     "Position": 0x8009,
     "Value": 0x804A,
@@ -38,6 +48,7 @@ VELOCITY_AS_AIM = (
     "MC_MotionInPosition",
     "MC_MotionInSuperimposed",
 )
+DYNAMICS = ("Velocity", "Acceleration", "Deceleration", "Jerk")
 NEEDS = {"MC_Stop": {"Mode": 3}}
 """Inputs without which another one is not looked at."""
 START = {"MC_MoveJog": "JogForward"}
@@ -73,7 +84,18 @@ def start_of(kind):
 
 def needs(name, rig):
     """Inputs that an instruction has to have for another one to be looked at."""
-    return {"Master": rig.leader.object} if name.startswith("MC_GearIn") else NEEDS.get(name, {})
+    if not synchronous(name) or name.endswith("Out"):
+        return NEEDS.get(name, {})
+    if name == "MC_CamIn":
+        return {"Master": rig.leader.object, "Cam": cam_of(rig).object, "MasterStartDistance": 1.0}
+    return {"Master": rig.leader.object}
+
+
+def profile_of(name, key):
+    """Profile of synchronising for which an input matters, where there is a choice."""
+    if "SyncProfileReference" not in getattr(instructions, name).inputs:
+        return {}
+    return {"SyncProfileReference": 0 if key in DYNAMICS else 1}
 
 
 def moving(name=""):
@@ -81,7 +103,7 @@ def moving(name=""):
     rig = Rig(
         port=TorquePort(),
         variables={"Actor.DriveParameter.ReferenceTorque": 4.0},
-        synchronous=name.startswith("MC_GearIn"),
+        synchronous=synchronous(name),
     ).enabled()
     rig.until(rig.axis.home(0.0).done)
     job = rig.axis.move_velocity(50.0)
@@ -93,6 +115,7 @@ def check_what_is_no_value(name, key, value):
     rig, running = moving(name)
     kind = getattr(instructions, name)
     one = rig.axis.run(kind(rig.axis.object, **needs(name, rig)))
+    one.set(**profile_of(name, key))
     one.set(**{key: value, start_of(kind): True})
     rig.cycles(3)
     assert (one.Error, one.ErrorID, one.Busy) == (True, ERRORS[key], False)
