@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from fieldbus.history import Event
 from hil.expect._base import pending_alarms
+from hil.expect._log_rules import check_log_signs_of_life, check_log_words
 from hil.expect._motion_rules import check_motion_while_disabled, check_setpoint_continuity
 from hil.expect._profidrive_rules import (
     check_profidrive_sign_of_life,
@@ -362,6 +363,8 @@ ALWAYS_ON: Final[tuple[Checker, ...]] = (
     check_profidrive_words,
     check_profidrive_stops,
     check_profidrive_sign_of_life,
+    check_log_words,
+    check_log_signs_of_life,
 )
 """The checkers that judge every case."""
 

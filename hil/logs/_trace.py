@@ -4,12 +4,13 @@ may change.
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.can.frame import CanFrame
-from fieldbus.canopen.nmt import COB_ERROR_CONTROL, COB_SDO_SERVER, NmtState
+from fieldbus.canopen.nmt import COB_ERROR_CONTROL, COB_SDO_CLIENT, COB_SDO_SERVER, NmtState
 from fieldbus.clock import S
 from fieldbus.history import Event, Scalar
 from hil.errors import CannotRunError
@@ -43,6 +44,11 @@ _SHORTEST_GAP_NS: Final = S // 20
 _GAP_PERIODS: Final = 10
 """A time without any frame, in periods of SYNC, that is a gap of the recording."""
 _CONTROLLER: Final = 127
+_STEPS: Final = 1001
+"""Distances of SYNCs from which the usual one is taken."""
+_CONTROLWORD: Final = 0x604000
+_WRITES_CONTROLWORD: Final = bytes.fromhex("2b406000")
+"""Begin of an expedited SDO write of 6040h."""
 _FROM_NODES: Final = (0x180, 0x280, 0x380, 0x480, COB_SDO_SERVER, COB_ERROR_CONTROL)
 """Services whose frames come from nodes."""
 
@@ -124,7 +130,7 @@ def trace_of_log(
         groups,
         events=events,
         frames={segment: log.channels[channel] for segment, channel in pairs.items()},
-        constants=facts.constants,
+        constants={**facts.constants, **reading.constants},
         end_ns=log.end_ns,
         vocabulary=vocabulary,
     )
@@ -181,7 +187,9 @@ class _Bus:
         self._emit = emit
         self.sync_ns: int | None = None
         self.last_ns = 0
-        self._period_ns = 0
+        self._steps = array("q")
+        self.period_ns = 0
+        """Shortest distance of two SYNCs; 0 before the second."""
         self._pause: tuple[int, int] | None = None
 
     def sync(self, time_ns: int) -> None:
@@ -191,7 +199,7 @@ class _Bus:
         before = self.sync_ns
         if self._pause is not None and before is not None:
             from_ns, to_ns = self._pause
-            near_ns = 2 * self._period_ns
+            near_ns = 2 * self.period_ns
             if from_ns - before <= near_ns and time_ns - to_ns <= near_ns:
                 self._emit(from_ns, self._segment, "log.silent", reason="nothing was recorded", values=False)
                 self._emit(to_ns, self._segment, "log.heard", values=False)
@@ -200,12 +208,19 @@ class _Bus:
             self._pause = None
         elif before is not None and time_ns > before:
             step_ns = time_ns - before
-            self._period_ns = min(self._period_ns, step_ns) if self._period_ns else step_ns
+            if len(self._steps) < _STEPS:
+                self._steps.append(step_ns)
+            self.period_ns = min(self.period_ns, step_ns) if self.period_ns else step_ns
         self.sync_ns = time_ns
+
+    @property
+    def cycle_ns(self) -> int:
+        """Usual distance of two SYNCs; 0 before the second."""
+        return sorted(self._steps)[len(self._steps) // 2] if self._steps else 0
 
     def pause(self, time_ns: int) -> None:
         """Take a time without any frame that ends now."""
-        if self._period_ns and time_ns - self.last_ns > _GAP_PERIODS * self._period_ns:
+        if self.period_ns and time_ns - self.last_ns > _GAP_PERIODS * self.period_ns:
             self._pause = (self.last_ns, time_ns)
 
 
@@ -218,6 +233,8 @@ class _Reading:
         self.nodes: list[LogNode] = [node_of(one, emit) for one in facts.nodes]
         self._words: dict[str, FrameDecoder] = {}
         self.notes: list[str] = []
+        self.constants: dict[str, float] = {}
+        """What the log tells beyond its signals."""
 
     def read(self, segment: str, log: PackedFrames) -> dict[int, int]:
         """Read a channel; returns nodes that the bench does not have, with the number of their frames."""
@@ -266,11 +283,23 @@ class _Reading:
                 here[node_id].error_control(time_ns, frame.data)
             elif service == COB_SDO_SERVER and node_id in here:
                 here[node_id].heard(time_ns)
+            elif (
+                service == COB_SDO_CLIENT
+                and frame.data[:4] == _WRITES_CONTROLWORD
+                and node_id in here
+                and here[node_id].facts.profile == "cia402"
+            ):
+                word = int.from_bytes(frame.data[4:6], "little")
+                here[node_id].process_data(
+                    time_ns, [(_CONTROLWORD, word)], can_id, sync_ns=bus.sync_ns, sent=False
+                )
             elif service in _FROM_NODES and node_id not in (0, _CONTROLLER, *here) and not frame.remote:
                 unknown[node_id] = unknown.get(node_id, 0) + 1
             decoder.observe(frame)
         for node in here.values():
             node.end(log.last_ns)
+            if bus.cycle_ns:
+                self.constants[f"{node.facts.name}.sync_period_s"] = bus.cycle_ns / S
         self._compare(segment, misfits, here)
         return unknown
 
