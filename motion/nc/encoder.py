@@ -179,7 +179,7 @@ class Encoder:
                 self.homed = False
                 error = INITIALISATION
         elif system in {SINGLETURN, ABSOLUTE_MODULO} and retained is not None:
-            moved = sign * wrap(raw - retained.raw, self.turn) * self.scaling
+            moved = sign * wrap(wrap(raw - retained.raw, self.span), self.turn) * self.scaling
             position = retained.position + moved
             if system == ABSOLUTE_MODULO:
                 position -= floor(position / self._modulo.value + _SLACK) * self._modulo.value
