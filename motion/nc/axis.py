@@ -28,6 +28,7 @@ from motion.nc.errors import (
     error_text,
 )
 from motion.nc.filters import Pt1
+from motion.nc.homing import Homing
 from motion.nc.interface import FULL_OVERRIDE, NcToPlc, OpMode, PlcToNc
 from motion.nc.monitoring import Monitoring
 from motion.nc.motion import Motion
@@ -113,8 +114,14 @@ class NcAxis:
         self.following_error = 0.0
         self.drive_error = False
         """The drive reports an error (`DriveDeviceError`)."""
-        self.homing_busy = False
-        self.homing_state = 0
+        self.homing = Homing(
+            parameters,
+            motion=self.motion,
+            encoder=self.encoder,
+            device=device,
+            inputs=self.plc_to_nc,
+            submit=self.submit,
+        )
         self._maximum_velocity = cell("axis.maximum_velocity")
         self._default_acceleration = cell("axis.default_acceleration")
         self._default_deceleration = cell("axis.default_deceleration")
@@ -273,6 +280,8 @@ class NcAxis:
         self.error_id = NO_ERROR
         self._reset = max(1, round(_RESET_S / self.cycle_s))
         self._invalid = 0
+        if self.homing.busy:
+            self.homing.abort()
         self.motion.abort(CommandState.ABORTED, NO_ERROR)
         self._follow_actual()
         self.controller.reset()
@@ -293,7 +302,8 @@ class NcAxis:
         self.motion.place(self.motion.generator.s)
         self.motion.has_target = False
         self.monitoring.no_target()
-        self.homing_busy = False
+        if self.homing.busy:
+            self.homing.abort(error_id)
         self._emit("axis.error", error_id=error_id, text=error_text(error_id))
 
     def _emit(self, kind: str, **data: str | float | bool) -> None:
@@ -329,6 +339,8 @@ class NcAxis:
             override = inputs.Override
             motion.set_override(1.0 if override >= FULL_OVERRIDE else override / FULL_OVERRIDE)
             self._watch_feed(control)
+            if self.homing.busy:
+                self.homing.step()
             before = motion.generator.s
             motion.step()
             if self._simulated is not None:
@@ -469,7 +481,7 @@ class NcAxis:
         image.StateDWord = self.state_dword()
         image.ErrorCode = self.error_id
         image.AxisState = motion.axis_state()
-        image.HomingState = self.homing_state
+        image.HomingState = self.homing.state
         image.SafEntries = len(motion.queue)
         image.OpModeDWord = self.op_mode_dword()
         position = encoder.position
@@ -515,7 +527,7 @@ class NcAxis:
             word |= 1 << 9
         elif velocity < 0.0:
             word |= 1 << 10
-        if self.homing_busy:
+        if self.homing.busy:
             word |= 1 << 11
         if motion.constant:
             word |= 1 << 12
@@ -549,6 +561,8 @@ class NcAxis:
                 word |= bit
         if self._simulated is not None:
             word |= 0x100
+        if self.homing.application_request:
+            word |= 0x800000
         return word
 
     def trace_row(self) -> tuple[float, ...]:

@@ -13,8 +13,8 @@ from typing_extensions import override
 
 from fieldbus.errors import UnknownAttributeError, UnknownNameError
 from motion.nc.commands import CONTINUOUS, ENDLESS, POSITION, STOP, BufferMode, Command, CommandState
-from motion.nc.errors import BLOCK_PARAMETER, error_text
-from motion.nc.interface import FULL_OVERRIDE, State
+from motion.nc.errors import BLOCK_MODE, BLOCK_PARAMETER, error_text
+from motion.nc.interface import FULL_OVERRIDE, OpMode, State
 from motion.nc.modulo import Direction, ModuloTargetError, modulo_move
 
 if TYPE_CHECKING:
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 _ENABLE: Final = 0x1
 _FEED_PLUS: Final = 0x2
 _FEED_MINUS: Final = 0x4
+_CAM: Final = 0x20
+DEFAULT_HOME_POSITION: Final = 1e307
+"""`Position` of `MC_Home` that stands for the parameter `enc.home_position`."""
 
 
 class JogMode(IntEnum):
@@ -238,6 +241,104 @@ class MC_SetPosition(ExecuteBlock):
     def _begin(self) -> None:
         self.Axis.axis.set_position(self.Position, relative=bool(self.Mode))
         self._finish()
+
+
+class HomingMode(IntEnum):
+    """`MC_HomingMode`."""
+
+    MC_DefaultHoming = 0
+    MC_Direct = 1
+    MC_ForceCalibration = 4
+    MC_ResetCalibration = 5
+
+
+class MC_Home(ExecuteBlock):
+    """Homes the axis (NC-306 to NC-325).
+
+    `MC_DefaultHoming` runs the sequence of the NC; `MC_Direct` gives the present place the position
+    `Position`; the other modes set and reset the calibration flag. With `DEFAULT_HOME_POSITION` at
+    `Position` the sync event has the position of the parameter `enc.home_position`.
+    """
+
+    block = "MC_Home"
+    inputs: ClassVar[dict[str, float]] = {
+        "Execute": False,
+        "Position": DEFAULT_HOME_POSITION,
+        "HomingMode": HomingMode.MC_DefaultHoming,
+        "bCalibrationCam": False,
+    }
+    Position: float
+    HomingMode: int
+    bCalibrationCam: bool
+
+    @override
+    def _call(self) -> None:
+        written = self.Axis.PlcToNc
+        if self.bCalibrationCam:
+            written.ControlDWord |= _CAM
+        else:
+            written.ControlDWord &= ~_CAM
+        super()._call()
+
+    @override
+    def _begin(self) -> None:
+        axis = self.Axis.axis
+        mode = int(self.HomingMode)
+        position = self.Position
+        if position == DEFAULT_HOME_POSITION:
+            position = axis.parameters.cell("enc.home_position").value
+        if mode == HomingMode.MC_Direct:
+            axis.set_position(position)
+            axis.homing.complete()
+        elif mode == HomingMode.MC_ForceCalibration:
+            axis.homing.complete()
+        elif mode == HomingMode.MC_ResetCalibration:
+            axis.encoder.homed = False
+        elif mode != HomingMode.MC_DefaultHoming:
+            self._finish(BLOCK_MODE)
+            return
+        else:
+            refused = axis.homing.start(position)
+            if refused:
+                self._finish(refused)
+            else:
+                self.Busy = True
+            return
+        self._finish()
+
+    @override
+    def _go_on(self) -> None:
+        homing = self.Axis.axis.homing
+        self.Active = homing.busy
+        if homing.busy or homing.application_request:
+            return
+        if homing.done or self.Axis.axis.homed:
+            self._finish()
+        elif homing.error_id:
+            self._finish(homing.error_id)
+        else:
+            self._finish()
+            self.Done = False
+            self.CommandAborted = True
+
+
+class MC_ReadApplicationRequest(Block):
+    """Tells which sequence the NC asks the PLC for: 0 none, 1 homing (NC-325)."""
+
+    block = "MC_ReadApplicationRequest"
+    inputs: ClassVar[dict[str, float]] = {"Enable": False}
+    Enable: bool
+
+    def __init__(self, axis: AxisRef, **inputs: float) -> None:
+        self.Valid = False
+        self.ApplicationRequestType = 0
+        super().__init__(axis, **inputs)
+
+    @override
+    def _call(self) -> None:
+        self.Valid = bool(self.Enable)
+        asked = self.Axis.NcToPlc.OpModeDWord & OpMode.NC_APPLICATION_REQUEST
+        self.ApplicationRequestType = 1 if self.Enable and asked else 0
 
 
 class MotionBlock(ExecuteBlock):

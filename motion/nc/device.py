@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 from fieldbus.profidrive.words import STW1
 from motion.drives.port import STW1_IDLE, STW1_OPERATE, ZSW1
@@ -10,8 +10,13 @@ from motion.drives.port import STW1_IDLE, STW1_OPERATE, ZSW1
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from motion.drives.mark import MarkSearch
     from motion.drives.port import DrivePort
     from motion.kernel.cell import Cell
+
+
+HARDWARE_SYNC: Final = 1
+"""Reference mode of the zero mark: index of its text in `enc.reference_mode`."""
 
 
 class Device(Protocol):
@@ -50,6 +55,9 @@ class Device(Protocol):
 
     def write(self, velocity: float, *, enable: bool, reset: bool) -> None:
         """Send the outputs of this cycle; `velocity` in position units/s."""
+
+    def search(self, mode: int) -> MarkSearch | None:
+        """Return the search for the sync event of a reference mode; None: the device has none (NC-321)."""
 
 
 class PortDevice:
@@ -102,6 +110,10 @@ class PortDevice:
             word |= STW1.ACKNOWLEDGE
         self.port.write(word, velocity * self._rpm_per_unit)
 
+    def search(self, mode: int) -> MarkSearch | None:
+        """Return the search for the zero mark; latches are not wired."""
+        return self.port.mark if mode == HARDWARE_SYNC else None
+
 
 class SimulatedDevice:
     """Simulation encoder and drive: the set position of the cycle before comes back, with noise (NC-063).
@@ -153,3 +165,7 @@ class SimulatedDevice:
         self.operating = enable
         if reset:
             self.fault = False
+
+    def search(self, mode: int) -> MarkSearch | None:  # noqa: ARG002 - the interface of a device
+        """Return None: there is no mark."""
+        return None

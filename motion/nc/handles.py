@@ -5,9 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from motion.nc.blocks import (
+    DEFAULT_HOME_POSITION,
     Block,
+    HomingMode,
     JogMode,
     MC_Halt,
+    MC_Home,
     MC_Jog,
     MC_MoveAbsolute,
     MC_MoveAdditive,
@@ -128,6 +131,19 @@ class NcAxisHandle:
     def set_position(self, position: float, *, relative: bool = False) -> MC_SetPosition:
         """Start `MC_SetPosition`."""
         return self.run(MC_SetPosition(self.ref, Execute=True, Position=position, Mode=relative))
+
+    def home(
+        self, position: float | None = None, *, mode: HomingMode = HomingMode.MC_DefaultHoming
+    ) -> MC_Home:
+        """Start `MC_Home`; give it the cam with `instance.set(bCalibrationCam=True)`.
+
+        Args:
+            position: Position of the sync event, position unit; None: the parameter `enc.home_position`.
+            mode: Sequence of the NC, or the present place.
+
+        """
+        where = DEFAULT_HOME_POSITION if position is None else position
+        return self.run(MC_Home(self.ref, Execute=True, Position=where, HomingMode=mode))
 
     def move_absolute(self, position: float, **inputs: Any) -> MC_MoveAbsolute:
         """Start `MC_MoveAbsolute` to `position`, position unit."""

@@ -35,6 +35,10 @@ class Plant:
         self.restarts = 0
         self.enabled = False
         self.written = []
+        self.searches = {}
+
+    def search(self, mode):
+        return self.searches.get(mode)
 
     def read(self):
         if not self.frozen:

@@ -146,7 +146,7 @@ def test_encoder_mode(subtests):
 
 @pytest.mark.requirement("NC-286", "NC-288", "NC-289")
 def test_time_compensation():
-    """The position is put ahead by the delay in cycles and the fixed delay, with velocity and acceleration."""
+    """The position is put ahead by the delay in cycles and the fixed one, with velocity and acceleration."""
     for mode, cycles, microseconds, cycle, expected in (
         ("OFF", 1.0, 1000.0, 0.002, 100.0),
         ("ON (with velocity)", 1.0, 1000.0, 0.002, 103.0),
