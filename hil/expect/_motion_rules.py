@@ -231,7 +231,7 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
     `<axis>.emergency_deceleration`. At a change of the axis state the generator may start again from
     actual values; the samples around it are not judged, but that a ramp which stops the axis begins
     among the velocities that it has or had a moment ago. Setpoints that the user program gives
-    itself are not judged (MC-568).
+    itself, or a leading value, are not judged (MC-568, SYN-107).
     """
     checks = []
     for axis in trace.components_with("velocity_setpoint", "state", "status_word"):
@@ -253,7 +253,7 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
         step_s = np.maximum(np.diff(signal.time_s), trace.constants.get(f"{axis}.cycle_s", 0.0))
         bound = max(known) * step_s * 1.001 + 1e-6
         jump = np.abs(np.diff(signal.values))
-        own = steady & ~given_by_program(trace, axis)
+        own = steady & ~given_from_outside(trace, axis)
         inside = own[1:] & own[:-1]
         judged = inside & no_change(trace, axis, signal)
         stopping = np.isin(
@@ -296,13 +296,14 @@ def _starts_again(trace: Trace, axis: str, setpoint: Signal, at: int, bound: NDA
     return min(near) - slack <= float(setpoint.values[at + 1]) <= max(near) + slack
 
 
-def given_by_program(trace: Trace, axis: str) -> NDArray[np.bool_]:
-    """Return the samples in which the user program gives setpoints: StatusWord.X31,
-    StatusWord2.X6 (MIN-013, MIN-014).
+def given_from_outside(trace: Trace, axis: str) -> NDArray[np.bool_]:
+    """Return the samples in which the user program or a leading value gives setpoints: StatusWord.X31, X21
+    and X22, StatusWord2.X6 and X1 (MIN-013, MIN-014, SYN-047, SYN-048).
     """
-    given = _bit(trace[f"{axis}.status_word"], 31)
+    word = trace[f"{axis}.status_word"]
+    given = _bit(word, 31) | _bit(word, 21) | _bit(word, 22)
     name = f"{axis}.status_word2"
-    return given | _bit(trace[name], 6) if name in trace else given
+    return given | _bit(trace[name], 6) | _bit(trace[name], 1) if name in trace else given
 
 
 def follows_actual(trace: Trace, axis: str) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.expect._motion_rules import STEADY_STATES, follows_actual, given_by_program, no_change
+from hil.expect._motion_rules import STEADY_STATES, follows_actual, given_from_outside, no_change
 from hil.expect._words import normal_state
 from hil.expect.golden import StopRamp, stop_ramp
 from hil.record import Signal, Trace
@@ -43,7 +43,7 @@ def _judged(trace: Trace, axis: str, velocity: Signal) -> Flags:
     """
     state = trace[f"{axis}.state"]
     codes = [code for code, text in state.enum.items() if normal_state(text) in STEADY_STATES]
-    own = np.isin(np.round(state.values), codes) & ~given_by_program(trace, axis)
+    own = np.isin(np.round(state.values), codes) & ~given_from_outside(trace, axis)
     flags: Flags = own[1:] & own[:-1] & no_change(trace, axis, velocity)
     return flags
 

@@ -48,6 +48,12 @@ MOTION_JOBS: Final = frozenset(
         "MC_MotionInVelocity",
         "MC_MotionInPosition",
         "MC_MotionInSuperimposed",
+        "MC_GearIn",
+        "MC_GearInPos",
+        "MC_GearInVelocity",
+        "MC_GearOut",
+        "MC_CamIn",
+        "MC_CamOut",
     }
 )
 _ENDS: Final = {"job.done": "Done", "job.aborted": "CommandAborted", "job.error": "Error"}

@@ -8,6 +8,8 @@ import pytest
 
 from fieldbus.errors import ConfigurationError
 from hil import load_bench
+from hil.expect import run_checkers
+from reports.model import Verdict
 
 SHAFT = """
 [bench]
@@ -117,3 +119,45 @@ def test_actual_values_lead_axes_of_a_technology_processor(tmp_path):
     )
     with pytest.raises(ConfigurationError, match=r"follower_a.coupling.leader: .* S7-1500T only"):
         bench_file(tmp_path, text)
+
+
+CAM = """
+[cam.knife]
+boundary = "equal_velocity"
+points = [[0.0, 0.0], [10.0, 8.0], [30.0, 20.0], [40.0, 0.0]]
+"""
+
+
+@pytest.mark.exhaustive
+def test_cams_and_stops_on_drives_of_both_profiles(tmp_path):
+    """One axis follows a cam, the other one a gear with synchronous positions, with ramps beyond the limits;
+    both leave at a position, and no rule that always holds finds anything.
+    """
+    with bench_file(tmp_path, SHAFT + CAM).build(seed=1) as bench:
+        leader, first, second = (bench.axis(name) for name in ("leader", "follower_a", "follower_b"))
+        for axis in (leader, first, second):
+            assert bench.run_until(axis.power().status, timeout=5.0)
+            assert bench.run_until(axis.home(0.0).done, timeout=1.0)
+        cam = bench.cam("knife")
+        assert bench.run_until(cam.interpolate().done, timeout=1.0)
+        jobs = [
+            first.cam_in(leader, cam, MasterSyncPosition=10.0, MasterStartDistance=5.0, ApplicationMode=1),
+            second.gear_in_pos(leader, 20.0, 50.0, 3, 1, MasterStartDistance=18.0),
+        ]
+        limit = first.var("DynamicLimits.MaxAcceleration")
+        leader.move_velocity(60.0)
+        assert bench.run_until(lambda: all(job.InSync for job in jobs), timeout=3.0)
+        leader.move_velocity(66.0, Acceleration=limit, Jerk=0.0)
+        for _ in range(100):
+            bench.run_for(0.004)
+            x = leader.var("Position")
+            assert first.var("Position") == pytest.approx(cam.curve.evaluate(x % 40.0)[0], abs=1e-6)
+            assert second.var("Position") == pytest.approx(50.0 + 3.0 * (x - 20.0), abs=1e-6)
+        ends = [
+            first.cam_out(10.0, MasterStopDistance=5.0),
+            second.gear_out(second.var("Position") + 200.0, SyncProfileReference=0),
+        ]
+        assert bench.run_until(lambda: all(end.Done for end in ends), timeout=5.0)
+        assert first.var("ActualPosition") == pytest.approx(10.0, abs=0.1)
+        bench.run_for(0.1)
+        assert [check.name for check in run_checkers(bench.trace()) if check.verdict is Verdict.FAILED] == []

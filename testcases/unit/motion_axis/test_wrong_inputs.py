@@ -84,7 +84,9 @@ def start_of(kind):
 
 def needs(name, rig):
     """Inputs that an instruction has to have for another one to be looked at."""
-    if not synchronous(name) or name.endswith("Out"):
+    if name.endswith("Out"):
+        return {"MasterStopDistance": 1.0}
+    if not synchronous(name):
         return NEEDS.get(name, {})
     if name == "MC_CamIn":
         return {"Master": rig.leader.object, "Cam": cam_of(rig).object, "MasterStartDistance": 1.0}
@@ -140,12 +142,17 @@ def check_zero(name, key):
     rig, running = moving(name)
     kind = getattr(instructions, name)
     one = rig.axis.run(kind(rig.axis.object, **needs(name, rig)))
+    one.set(**profile_of(name, key))
     one.set(**{key: 0.0, start_of(kind): True})
     rig.cycles(2)
     given = name in VELOCITY_AS_AIM
     refused = (key in WITHOUT_ZERO and "MotionIn" not in name) or (
-        key in ("Velocity", "VelocityDiff") and not given
+        key in ("Velocity", "VelocityDiff", "MasterScaling", "MasterStartDistance", "MasterStopDistance")
+        and not given
     )
+    if name.endswith("Out") and not refused:
+        assert one.ErrorID in (0x8077, 0x8078)  # there is nothing to leave
+        return
     if name == "MC_TorqueRange":
         return  # a range from or to 0.0 is one
     assert one.Error is refused
