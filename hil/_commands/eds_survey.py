@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -219,6 +220,7 @@ def _tried(path: Path) -> tuple[str, bool]:
     from emulators.drive.cia402 import CiA402Drive
     from emulators.drive.cia402.vendor_eds import VendorEds
     from hil.bench import BenchFile
+    from hil.bench.drive_config import Cia402DriveTable
 
     try:
         counts = VendorEds(path).increments_per_revolution or 131072
@@ -239,15 +241,16 @@ def _tried(path: Path) -> tuple[str, bool]:
             before = drive.mechanics.motor_angle
             job = axis.move_relative(10.0)
             bench.run_until(job.done, 5.0)
+            bench.run_for(0.2)
             turned = drive.mechanics.motor_angle - before
-            moved = bool(job.Done) and abs(turned - 6.2832) < 0.01
-            return (
-                ("as a drive: commissioned, enabled and moved", True)
-                if moved
-                else (
-                    f"as a drive: enabled, but a move of one revolution turned it by {turned:.3f} rad",
+            table = bench.config.drive["d"]
+            assert isinstance(table, Cia402DriveTable)
+            costs = "".join(f"; {text}" for text in table.plan().notes)
+            if not job.Done or abs(turned - 2.0 * math.pi) > 0.02:
+                return (
+                    f"as a drive: enabled, but a move of one revolution turned it by {turned:.3f} rad{costs}",
                     False,
                 )
-            )
+            return f"as a drive: commissioned, enabled and moved{costs}", True
     except HilError as error:
         return f"as a drive: {' '.join(str(error).split())}", False

@@ -76,6 +76,7 @@ if TYPE_CHECKING:
     from hil.bench.segment_config import ModbusTable, RtuTable, SegmentTable, TcpTable
     from motion.drives.analog import AnalogPort
     from motion.drives.cia402 import Cia402Port
+    from motion.drives.cia402_plan import DrivePlan
     from motion.drives.profidrive import TelegramConfig
     from motion.drives.profidrive_can import ProfidriveCanPort
     from motion.drives.profidrive_modbus import ProfidriveModbusPort
@@ -393,6 +394,10 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
     """EDS or DCF that the emulated drive presents on the bus, relative to the bench
     file; none: that of the product.
     """
+    mode: Literal["auto", "csv", "pv", "csp", "ip"] = "auto"
+    """Mode in which the controller moves a drive with an EDS; `auto`: the first of csv, pv, csp and ip that
+    6502h has and the PDOs can carry. Without an EDS it is csv.
+    """
     homing: HomingConfig = HomingConfig()
     cyclic_timer_ms: Annotated[int, Field(ge=0, le=65535)] = 0
     """Default of the event timers of TPDO1 and TPDO2 (1800h:5, 1801h:5): how often they come at least, unless
@@ -532,6 +537,26 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
             rng=site.rng,
         )
 
+    def plan(self) -> DrivePlan:
+        """Return how the controller uses the drive.
+
+        Raises:
+            ConfigurationError: The EDS cannot be read, or allows no mode that the controller can command.
+
+        """
+        from motion.drives.cia402_plan import STANDARD, plan_drive
+
+        vendor = self._vendor_eds()
+        if vendor is None:
+            return STANDARD
+        return plan_drive(
+            vendor.entries(self.node_id),
+            node_id=self.node_id,
+            mode=self.mode,
+            velocity_unit_rpm=vendor.velocity_unit_rpm,
+            increments_per_unit=vendor.increments_per_unit,
+        )
+
     def dictionary(self) -> canopen.ObjectDictionary:
         """Return the object dictionary of the drive, shared and read-only."""
         from fieldbus.canopen.eds import shared_dictionary
@@ -543,11 +568,13 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
         from motion.drives.cia402 import Cia402Port, Cia402PortConfig
 
         arguments = {**self.port_arguments(site.bench), "absolute_encoder": self.encoder == "absolute"}
+        plan = self.plan()
         config = Cia402PortConfig(
             rated_torque_nm=self.rated_torque_nm,
             increments_per_revolution=self.increments_per_revolution,
             off1_deceleration_rpm_s=self.max_speed_rpm / self.off1_ramp_s,
             off3_deceleration_rpm_s=self.max_speed_rpm / self.off3_ramp_s,
+            plan=plan,
             **arguments,
         )
         return Cia402Port(site.masters[self.segment], config, name=site.name, history=site.history)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Final, Protocol, TypeAlias
 
 from fieldbus.canopen.node_setup import NodeSetup, Parameter, PdoSetup
 from fieldbus.errors import ConfigurationError, HilError
@@ -13,6 +13,11 @@ from motion.drives._link import LinkConfig
 if TYPE_CHECKING:
     from fieldbus.canopen.master import CanopenMaster
     from fieldbus.canopen.node import RemoteNode
+
+
+Row: TypeAlias = tuple[int, int, int, int]
+"""A parameter: index, sub-index, value, bytes."""
+_HEARTBEAT: Final = 0x101700
 
 
 class CommissioningError(HilError):
@@ -91,6 +96,7 @@ class CanopenNode:
         parameters: What the profile needs besides bus cycle, reaction to lost communication and
             error control: (index, sub-index, value, length).
         device_profile: Expected profile in 1000h; None = any.
+        taken: Returns those of the parameters that the drive has, with the lengths that it gives them.
 
     """
 
@@ -104,8 +110,18 @@ class CanopenNode:
         pdos: tuple[PdoSetup, ...],
         parameters: Iterable[tuple[int, int, int, int]] = (),
         device_profile: int | None = None,
+        taken: Callable[[Iterable[Row]], list[Row]] = list,
     ) -> None:
         self._port = port
+        rows = taken(_rows(config, master.node_id, parameters))
+        written_keys = {index << 8 | sub for index, sub, *_ in rows}
+        has_heartbeat = bool(config.heartbeat_ms) and _HEARTBEAT in written_keys
+        guard_time_ms = config.guard_time_ms
+        if config.heartbeat_ms and not has_heartbeat:
+            guarding = taken([(0x100C, 0, config.heartbeat_ms, 2), (0x100D, 0, config.life_time_factor, 1)])
+            if len(guarding) == 2:
+                guard_time_ms = config.heartbeat_ms
+                rows += guarding
         setup = NodeSetup(
             node_id=config.node_id,
             name=port.name,
@@ -116,10 +132,10 @@ class CanopenNode:
             serial=config.serial,
             prepare=(Parameter(disable, 0, 0, 2),),
             pdos=pdos,
-            parameters=tuple(Parameter(*row) for row in _rows(config, master.node_id, parameters)),
-            store=config.store,
-            heartbeat_timeout_ms=config.consumer_heartbeat_ms if config.heartbeat_ms else 0,
-            guard_time_ms=config.guard_time_ms,
+            parameters=tuple(Parameter(*row) for row in rows),
+            store=config.store and bool(taken([(0x1010, 1, 0, 4)])),
+            heartbeat_timeout_ms=config.consumer_heartbeat_ms if has_heartbeat else 0,
+            guard_time_ms=guard_time_ms,
             life_time_factor=config.life_time_factor,
             optional=config.optional,
         )
@@ -151,9 +167,7 @@ class CanopenNode:
         self._port.take_emcy(code)
 
 
-def _rows(
-    config: CanopenNodeConfig, controller: int, own: Iterable[tuple[int, int, int, int]]
-) -> list[tuple[int, int, int, int]]:
+def _rows(config: CanopenNodeConfig, controller: int, own: Iterable[Row]) -> list[Row]:
     """Return what is written into the drive, the profile's rows between bus cycle and error control."""
     heartbeat = controller << 16 | config.consumer_heartbeat_ms if config.heartbeat_ms else 0
     rows = [

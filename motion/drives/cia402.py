@@ -1,7 +1,7 @@
 """Port to a CiA 402 drive on CANopen: cyclic synchronous velocity on PDOs, latched by SYNC.
 
 One RPDO (6040h, 60FFh, 6060h) and two synchronous TPDOs (6041h, 6064h, 6077h; 606Ch, 60FDh) carry the cycle;
-603Fh and 1001h come by event.
+603Fh and 1001h come by event. A drive whose EDS does not allow that is used by a plan (`cia402_plan`).
 
 Delays, with T the bus cycle: the drive samples at SYNC k, the axis calculates half a cycle later, its
 setpoint is latched at SYNC k+1 and interpolated by the drive until SYNC k+2.
@@ -22,9 +22,30 @@ from motion.drives._canopen import CanopenNode, CanopenNodeConfig, Commissioning
 from motion.drives._link import LinkedPort
 from motion.drives._max_torque import MaxTorque
 from motion.drives._probe_mark import ProbeMarkSearch
+from motion.drives.cia402_plan import (
+    CONTROL,
+    FAULT_CODE,
+    INPUTS,
+    INTERPOLATION_DATA,
+    MODE,
+    MODE_CSP,
+    MODE_CSV,
+    MODE_IP,
+    POSITION,
+    STANDARD,
+    STATUS,
+    TARGET_POSITION,
+    TARGET_VELOCITY,
+    TORQUE,
+    VELOCITY,
+    DrivePlan,
+    PdoUse,
+)
 from motion.drives.port import STW1, ZSW1
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from fieldbus.canopen.master import CanopenMaster
     from fieldbus.history import History
 
@@ -35,9 +56,11 @@ _TPDO1: Final = Struct("<Hih")
 _TPDO2: Final = Struct("<iI")
 _TPDO3: Final = Struct("<HB")
 
-MODE_CSV: Final = 9
 _VELOCITY_UNIT_MILLI_RPM: Final = 0xFDB44700
 _PROFILE: Final = 402
+_POSITION_MODES: Final = (MODE_CSP, MODE_IP)
+_POSITION_TARGETS: Final = (TARGET_POSITION, INTERPOLATION_DATA)
+_ENABLE_INTERPOLATION: Final = 0x0010
 
 _ZSW1_OF_STATE: Final = {
     DriveState.NOT_READY_TO_SWITCH_ON: ZSW1.SWITCHING_ON_INHIBITED,
@@ -61,6 +84,7 @@ class Cia402PortConfig(CanopenNodeConfig):
         off1_deceleration_rpm_s: Slope of OFF1, rpm per second (p1082 / p1121); written to 6084h.
         off3_deceleration_rpm_s: Slope of OFF3, rpm per second (p1082 / p1135); written to 6085h.
         fault_reaction: 605Eh.
+        plan: How to use a drive whose EDS is known.
 
     """
 
@@ -69,6 +93,7 @@ class Cia402PortConfig(CanopenNodeConfig):
     off1_deceleration_rpm_s: float = 3000.0
     off3_deceleration_rpm_s: float = 6000.0
     fault_reaction: int = 2
+    plan: DrivePlan = STANDARD
 
 
 class Cia402Port(LinkedPort):
@@ -84,6 +109,7 @@ class Cia402Port(LinkedPort):
 
     __slots__ = (
         "_fault_code",
+        "_mapped",
         "_master",
         "_max_torque",
         "_probe",
@@ -121,17 +147,26 @@ class Cia402Port(LinkedPort):
         self.has_torque_reduction = True
         self._probe = ProbeMarkSearch(master, node)
         self.mark = self._probe
-        master.subscribe(0x180 + node, self._on_tpdo1)
-        master.subscribe(0x280 + node, self._on_tpdo2)
-        master.subscribe(0x380 + node, self._on_tpdo3)
+        plan = config.plan
+        self._mapped: MappedData | None = None
+        if plan.receive:
+            self._mapped = mapped = MappedData(master, plan, config)
+            self.brings_speed = mapped.brings_speed
+            for use in plan.transmit:
+                master.subscribe(use.cob_id, mapped.receiver(use))
+        else:
+            master.subscribe(0x180 + node, self._on_tpdo1)
+            master.subscribe(0x280 + node, self._on_tpdo2)
+            master.subscribe(0x380 + node, self._on_tpdo3)
         self.node = CanopenNode(
             self,
             master,
             config,
             disable=0x6040,
-            pdos=_pdos(node),
+            pdos=plan.setups if plan.receive else _pdos(node),
             parameters=_parameters(config),
-            device_profile=_PROFILE,
+            device_profile=_PROFILE if plan.is_402 else None,
+            taken=plan.rows,
         ).remote
         """The drive as a node of the network."""
 
@@ -152,6 +187,8 @@ class Cia402Port(LinkedPort):
     def leave_service(self) -> None:
         LinkedPort.leave_service(self)
         self._seen_tpdo1 = False
+        if self._mapped is not None:
+            self._mapped.restart()
 
     def take_emcy(self, code: int) -> None:
         """Take the code of an EMCY of the drive."""
@@ -176,11 +213,26 @@ class Cia402Port(LinkedPort):
         if len(data) >= 3:
             self._fault_code = _TPDO3.unpack_from(data)[0]
 
+    def _take(self, mapped: MappedData) -> None:
+        """Take over what the PDOs of a plan have brought."""
+        self._seen_tpdo1 = mapped.fresh
+        mapped.fresh = False
+        values = mapped.values
+        self._statusword = values[STATUS]
+        self.encoder_increments = mapped.increments
+        self.inputs = values[INPUTS]
+        self.actual_torque_nm = values[TORQUE] * self._torque_factor
+        self.actual_speed_rpm = values[VELOCITY] * mapped.velocity_unit_rpm
+        if mapped.brings_fault_code and values[FAULT_CODE]:
+            self._fault_code = values[FAULT_CODE]
+
     # -- cycle
     # ------------------------------------------------------------------------------------------------
 
     @override
     def read(self) -> None:
+        if self._mapped is not None:
+            self._take(self._mapped)
         fresh = self._seen_tpdo1
         self._seen_tpdo1 = False
         if not self._judge(fresh):
@@ -227,6 +279,9 @@ class Cia402Port(LinkedPort):
             control = 0x000F if self._statusword & 0x0002 and stw1 & 0x0008 else 0x0007
         if stw1 & STW1.ACKNOWLEDGE:
             control |= 0x0080
+        if self._mapped is not None:
+            self._mapped.send(control, speed_rpm)
+            return
         milli_rpm = int(speed_rpm * 1000.0 + (0.5 if speed_rpm >= 0.0 else -0.5))
         if milli_rpm > 0x7FFFFFFF:
             milli_rpm = 0x7FFFFFFF
@@ -255,6 +310,9 @@ class Cia402Port(LinkedPort):
         SYNC: nobody will lead it any more.
         """
         try:
+            if self._mapped is not None:
+                self._mapped.send(0, 0.0)
+                return
             self._master.send(self._rpdo1_id, _RPDO1.pack(0, 0, MODE_CSV))
         except HilError:
             return  # the bus is gone already
@@ -272,21 +330,158 @@ def _pdos(node: int) -> tuple[PdoSetup, ...]:
     )
 
 
+class MappedData:
+    """Process data of a drive whose PDOs are not the standard ones.
+
+    Args:
+        master: The controller's CANopen services.
+        plan: PDOs, mode and units.
+        config: Facts about the drive.
+
+    """
+
+    __slots__ = (
+        "_cycle_min",
+        "_increments_per_turn",
+        "_last_position",
+        "_master",
+        "_mode",
+        "_receive",
+        "_scale",
+        "_target",
+        "_travelled",
+        "brings_fault_code",
+        "brings_speed",
+        "fresh",
+        "increments",
+        "values",
+        "velocity_unit_rpm",
+    )
+
+    def __init__(self, master: CanopenMaster, plan: DrivePlan, config: Cia402PortConfig) -> None:
+        self._master = master
+        self._mode = plan.mode
+        self._receive = plan.receive
+        self._scale = plan.increments_per_unit
+        self._increments_per_turn = config.increments_per_revolution
+        self._cycle_min = config.cycle_ns / 60e9
+        self.velocity_unit_rpm = plan.velocity_unit_rpm
+        carried = {raw >> 8 for use in plan.transmit for raw in use.entries}
+        self.brings_speed = VELOCITY in carried
+        self.brings_fault_code = FAULT_CODE in carried
+        self.values: dict[int, int] = dict.fromkeys(
+            (STATUS, POSITION, VELOCITY, TORQUE, INPUTS, FAULT_CODE), 0
+        )
+        """Last values by key."""
+        self.fresh = False
+        """The status word has come since the last cycle."""
+        self.increments = 0
+        """Encoder, increments, signed 32 bit."""
+        self._last_position: int | None = None
+        self._travelled = 0
+        self._target = 0.0
+        """csp: position setpoint, position units of the drive, without the wrap at 32 bits."""
+
+    def restart(self) -> None:
+        """Forget the position: the drive has been away."""
+        self.fresh = False
+        self._last_position = None
+
+    def receiver(self, use: PdoUse) -> Callable[[bytes, int], None]:
+        """Return what takes the payload of a PDO."""
+        size = sum(raw & 0xFF for raw in use.entries) // 8
+        fields: list[tuple[int, int, int, bool]] = []
+        offset = 0
+        for raw, signed in zip(use.entries, use.signed, strict=True):
+            fields.append((raw >> 8, offset, raw & 0xFF, signed))
+            offset += raw & 0xFF
+        values = self.values
+        status = any(key == STATUS for key, *_ in fields)
+        position = any(key == POSITION for key, *_ in fields)
+
+        def take(data: bytes, _time_ns: int) -> None:
+            if len(data) < size:
+                return
+            word = int.from_bytes(data, "little")
+            for key, at, bits, signed in fields:
+                number = word >> at & (1 << bits) - 1
+                values[key] = number - (1 << bits) if signed and number >> bits - 1 else number
+            if position:
+                self._moved(values[POSITION])
+            if status:
+                self.fresh = True
+
+        return take
+
+    def _moved(self, position: int) -> None:
+        """Take a position in units of the drive over, counted on beyond 32 bits."""
+        last = self._last_position
+        if last is None:
+            self._travelled = position
+        else:
+            self._travelled += (position - last + 0x80000000 & 0xFFFFFFFF) - 0x80000000
+        self._last_position = position
+        self.increments = (round(self._travelled * self._scale) + 0x80000000 & 0xFFFFFFFF) - 0x80000000
+
+    def send(self, control: int, speed_rpm: float) -> None:
+        """Send control word and setpoint.
+
+        Args:
+            control: 6040h.
+            speed_rpm: At the motor shaft.
+
+        """
+        if self._mode == MODE_IP and control & 0x000F == 0x000F:
+            control |= _ENABLE_INTERPOLATION
+        if (
+            self._mode in _POSITION_MODES
+            and control & 0x000F == 0x000F
+            and self.values[STATUS] & 0x006F == 0x0027
+        ):
+            self._target += speed_rpm * self._cycle_min * self._increments_per_turn / self._scale
+        else:
+            self._target = float(self._travelled)
+        speed = round(speed_rpm / self.velocity_unit_rpm)
+        for use in self._receive:
+            word = offset = 0
+            for raw in use.entries:
+                key, bits = raw >> 8, raw & 0xFF
+                if key == CONTROL:
+                    number = control
+                elif key == TARGET_VELOCITY:
+                    number = min(max(speed, -(1 << bits - 1)), (1 << bits - 1) - 1)
+                elif key in _POSITION_TARGETS:
+                    number = round(self._target)
+                elif key == MODE:
+                    number = self._mode
+                else:
+                    number = 0
+                word |= (number & (1 << bits) - 1) << offset
+                offset += bits
+            self._master.send(use.cob_id, word.to_bytes((offset + 7) // 8, "little"))
+
+
 def _parameters(config: Cia402PortConfig) -> list[tuple[int, int, int, int]]:
     u8, u16, u32 = 1, 2, 4
+    plan = config.plan
+    unit = plan.velocity_unit_rpm
+    units = [(0x60A9, 0, _VELOCITY_UNIT_MILLI_RPM, u32)] if plan.sets_units else []
+    if plan.increments_per_unit == 1.0:
+        units += [
+            (0x608F, 1, config.increments_per_revolution, u32),
+            (0x608F, 2, 1, u32),
+            (0x6092, 1, config.increments_per_revolution, u32),
+            (0x6092, 2, 1, u32),
+        ]
     return [
-        (0x60A9, 0, _VELOCITY_UNIT_MILLI_RPM, u32),
-        (0x608F, 1, config.increments_per_revolution, u32),
-        (0x608F, 2, 1, u32),
-        (0x6092, 1, config.increments_per_revolution, u32),
-        (0x6092, 2, 1, u32),
+        *units,
         (0x60C2, 1, config.cycle_ns // 1_000_000, u8),
         (0x60C2, 2, -3, u8),
         (0x605A, 0, 2, u16),
         (0x605B, 0, 1, u16),
         (0x605C, 0, 1, u16),
         (0x605E, 0, config.fault_reaction, u16),
-        (0x6084, 0, round(config.off1_deceleration_rpm_s * 1000.0), u32),
-        (0x6085, 0, round(config.off3_deceleration_rpm_s * 1000.0), u32),
-        (0x6060, 0, MODE_CSV, u8),
+        (0x6084, 0, round(config.off1_deceleration_rpm_s / unit), u32),
+        (0x6085, 0, round(config.off3_deceleration_rpm_s / unit), u32),
+        (0x6060, 0, plan.mode, u8),
     ]

@@ -100,6 +100,22 @@ class VendorEds:
         rated = self.given(0x6075)
         return None if rated is None else rated / 1000.0
 
+    # -- as the controller uses it --------------------------------------------------------------------
+
+    def entries(self, node_id: int) -> dict[int, Entry]:
+        """Return the entries of the file for a node-ID."""
+        return entries_of(shared_dictionary(self._path), node_id)
+
+    @property
+    def velocity_unit_rpm(self) -> float:
+        """Size of a velocity unit, rpm."""
+        return self._units.velocity / _RPM
+
+    @property
+    def increments_per_unit(self) -> float:
+        """Increments of the encoder in a position unit."""
+        return self._units.inc_numerator / self._units.inc_denominator
+
     def bench_keys(self) -> Iterator[tuple[str, float]]:
         """Yield the keys of `[drive.NAME]` about which the file says something, with its values."""
         if self.increments_per_revolution is not None:

@@ -1,0 +1,223 @@
+"""The controller takes drives as their EDS says: fewer PDOs, fixed mappings, other modes, other units."""
+
+import math
+
+import pytest
+
+from fieldbus.canopen.dictionary import entries_of
+from fieldbus.canopen.eds import load_dictionary
+from fieldbus.errors import ConfigurationError
+from hil.bench import BenchFile
+from hil.bench.drive_config import Cia402DriveTable
+from motion.drives.cia402_plan import MODES, STANDARD
+
+pytestmark = pytest.mark.exhaustive
+
+COUNTS = 4000
+NODE = 5
+NAMES = {
+    0x1000: (7, "0x00020192"), 0x1001: (5, 0), 0x1005: (7, "0x80"), 0x1006: (7, 0), 0x1017: (6, 0),
+    0x100C: (6, 0), 0x100D: (5, 0), 0x1014: (7, "$NODEID+0x80"), 0x603F: (6, 0), 0x6007: (3, 0),
+    0x6040: (6, 0), 0x6041: (6, 0), 0x6060: (2, 0), 0x6061: (2, 0), 0x6064: (4, 0), 0x606C: (4, 0),
+    0x6077: (3, 0), 0x607A: (4, 0), 0x607F: (7, 5000), 0x6080: (7, 5000), 0x6083: (7, 90000),
+    0x6084: (7, 90000), 0x6085: (7, 90000), 0x60A9: (7, "0x00B44700"), 0x60FD: (7, 0), 0x60FF: (4, 0),
+    0x6502: (7, "0x3EF"),
+}  # fmt: skip
+
+
+def drive_eds(*, without=(), changed=(), fixed=(), records=None, count=4, read_only=()):
+    """Return the EDS of a drive.
+
+    Args:
+        without: Objects that it lacks.
+        changed: Index -> default.
+        fixed: Communication records whose PDOs cannot be changed.
+        records: Mapping record -> its default mapping.
+        count: PDOs of each direction.
+        read_only: Objects that cannot be written.
+
+    """
+    records, changed = records or {}, dict(changed)
+    text = "[DeviceInfo]\nVendorName=Plans\n\n"
+    for index, (kind, default) in NAMES.items():
+        if index not in without:
+            access = "ro" if index in read_only else "rw"
+            text += (
+                f"[{index:04X}]\nParameterName=Object {index:04X}\nDataType={kind}\nAccessType={access}\n"
+                f"PDOMapping=1\nDefaultValue={changed.get(index, default)}\n\n"
+            )
+    if 0x60C1 not in without:
+        text += members(0x60C1, 4, [0], access="rw")
+    text += members(0x608F, 7, [COUNTS, 1], access="ro" if 0x608F in read_only else "rw")
+    if 0x60C2 not in without:
+        text += members(0x60C2, 5, [4], access="rw").replace("SubNumber=2", "SubNumber=3") + (
+            "[60C2sub2]\nParameterName=Index\nDataType=2\nAccessType=rw\nPDOMapping=0\nDefaultValue=-3\n\n"
+        )
+    for number in range(count):
+        for communication, mapping, cob in ((0x1400, 0x1600, 0x200), (0x1800, 0x1A00, 0x180)):
+            access = "const" if communication + number in fixed else "rw"
+            default = records.get(mapping + number, [])
+            cob_id = f"$NODEID+0x{cob + 0x100 * number:X}"
+            text += members(communication + number, 7, [cob_id, 1], access=access, kinds=(7, 5))
+            entries = [*default, *[0] * ((len(default) if access == "const" else 4) - len(default))]
+            text += members(mapping + number, 7, entries, access=access, length=len(default))
+    return text
+
+
+def members(index, kind, values, *, access, kinds=(), length=None):
+    text = f"[{index:04X}]\nParameterName=Record {index:04X}\nObjectType=9\nSubNumber={len(values) + 1}\n\n"
+    text += (
+        f"[{index:04X}sub0]\nParameterName=Count\nDataType=5\nAccessType={access}\nPDOMapping=0\n"
+        f"DefaultValue={len(values) if length is None else length}\n\n"
+    )
+    for sub, value in enumerate(values, 1):
+        one = kinds[sub - 1] if kinds else kind
+        text += (
+            f"[{index:04X}sub{sub:X}]\nParameterName=Sub {sub}\nDataType={one}\nAccessType={access}\n"
+            f"PDOMapping=1\nDefaultValue={value}\n\n"
+        )
+    return text
+
+
+def bench_of(folder, eds, keys=""):
+    (folder / "plan.eds").write_text(eds)
+    return BenchFile(
+        str(folder / "bench.toml"),
+        '[bench]\nname = "plan"\n[segment.can0]\n[drive.d]\nsegment = "can0"\n'
+        f'node_id = {NODE}\neds = "plan.eds"\n{keys}'
+        '[axis.a]\ndrive = "d"\n[axis.a.variables]\n'
+        f'"Sensor[1].Parameter.StepsPerRevolution" = {COUNTS}\n'
+        '"Sensor[1].Parameter.FineResolutionXist1" = 0\n',
+    )
+
+
+def plan_of(file):
+    table = file.config.drive["d"]
+    assert isinstance(table, Cia402DriveTable)
+    return table.plan()
+
+
+PDO1 = (0x60400010, 0x60FF0020, 0x60600008)
+STATUS_POSITION = (0x60410010, 0x60640020)
+CASES = {
+    "everything": ({}, "csv", ()),
+    "no third TPDO": ({"count": 2}, "csv", ("603Fh",)),
+    "one PDO of each direction": ({"count": 1}, "csv", ("606Ch", "60FDh", "603Fh")),
+    "no optional objects": (
+        {"without": (0x606C, 0x6077, 0x60FD, 0x603F)}, "csv", ("606Ch", "6077h", "60FDh", "603Fh"),
+    ),
+    "fixed PDOs that suffice": (
+        {
+            "fixed": (0x1400, 0x1800, 0x1801),
+            "records": {0x1600: PDO1, 0x1A00: STATUS_POSITION, 0x1A01: (0x606C0020, 0x60770010)},
+        },
+        "csv",
+        ("RPDO1 is used", "TPDO1 is used", "TPDO2 is used"),
+    ),
+    "fixed PDOs in another order": (
+        {
+            "fixed": (0x1400, 0x1401, 0x1800, 0x1801),
+            "records": {0x1600: (0x60400010,), 0x1601: (0x607A0020, 0x60FF0020), 0x1A00: (0x60410010,),
+                        0x1A01: (0x606C0020, 0x60640020)},
+        },
+        "csv",
+        ("RPDO1 is used", "RPDO2 is used"),
+    ),
+    "no csv": ({"changed": {0x6502: "0x2F"}}, "pv", ("mode pv",)),
+    "only csp": ({"changed": {0x6502: "0xA0"}}, "csp", ("mode csp",)),
+    "only ip": ({"changed": {0x6502: "0x60"}}, "ip", ("mode ip",)),
+    "no velocity unit": ({"without": (0x60A9,)}, "csv", ("60A9h",)),
+    "fixed velocity unit": ({"read_only": (0x60A9,)}, "csv", ("60A9h",)),
+    "fixed encoder resolution": ({"read_only": (0x608F,)}, "csv", ()),
+    "no heartbeat": ({"without": (0x1017,)}, "csv", ("1017h cannot be written: node guarding",)),
+    "no interpolation time": ({"without": (0x60C2,)}, "csv", ("60C2h",)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_drive_is_commissioned_moved_and_stopped(tmp_path, case):
+    """The plan takes what the EDS has and says what is lost; the axis is enabled, moves and stops."""
+    options, mode, notes = CASES[case]
+    file = bench_of(tmp_path, drive_eds(**options))
+    plan = plan_of(file)
+    assert plan.mode == MODES[mode]
+    for note in notes:
+        assert any(note in text for text in plan.notes), (note, plan.notes)
+    assert bool(notes) == bool(plan.notes), plan.notes
+    with file.build() as bench:
+        axis, drive = bench.axis(), bench.drive()
+        power = axis.power()
+        assert bench.run_until(lambda: bool(power.Status), 2.0)
+        before = drive.mechanics.motor_angle
+        job = axis.move_relative(10.0)
+        assert bench.run_until(job.done, 5.0)
+        bench.run_for(0.2)
+        assert drive.mechanics.motor_angle - before == pytest.approx(2.0 * math.pi, abs=0.02)
+        assert axis.var("ActualPosition") == pytest.approx(10.0, abs=0.05)
+        axis.move_velocity(50.0)
+        bench.run_for(1.0)
+        assert axis.var("ActualVelocity") == pytest.approx(50.0, rel=0.1)
+        axis.power(False)
+        bench.run_for(2.0)
+        assert drive.core.velocity == pytest.approx(0.0, abs=0.01)
+        assert not drive.core.enabled
+
+
+def test_node_guarding_watches_a_drive_without_heartbeat(tmp_path):
+    """A drive that has no 1017h and falls silent is noticed all the same."""
+    with bench_of(tmp_path, drive_eds(without=(0x1017,))).build() as bench:
+        power = bench.axis().power()
+        assert bench.run_until(lambda: bool(power.Status), 2.0)
+        bench.drive().power_off()
+        bench.run_for(1.0)
+        assert not power.Status
+        assert any(event.kind == "link.node_lost" for event in bench.trace().events)
+
+
+@pytest.mark.parametrize(
+    ("options", "keys", "message"),
+    [
+        ({"count": 0}, "", "csv: no PDO carries 6040h, 60FFh, 6041h, 6064h"),
+        ({"changed": {0x6502: "0x21"}}, "", "csv: 6502h = 00000021h does not have it.*ip: 6502h"),
+        ({"changed": {0x6502: "0x2F"}}, 'mode = "csv"\n', "csv: 6502h = 0000002Fh does not have it"),
+        ({"without": (0x6064,)}, "", "csv: no PDO carries 6064h"),
+        (
+            {"fixed": (0x1400,), "records": {0x1600: (0x60400010,)}, "count": 1},
+            "",
+            "csv: no PDO carries 60FFh",
+        ),
+    ],
+)
+def test_a_drive_that_no_mode_can_command_is_refused(tmp_path, options, keys, message):
+    """The message names every mode with what it lacks."""
+    with pytest.raises(ConfigurationError, match=message):
+        bench_of(tmp_path, drive_eds(**options), keys).build()
+
+
+def test_the_mode_can_be_chosen(tmp_path):
+    """A mode that the bench file names goes before the best one."""
+    assert plan_of(bench_of(tmp_path, drive_eds(), 'mode = "csp"\n')).mode == MODES["csp"]
+
+
+def test_without_an_eds_the_plan_is_the_standard_one():
+    """Drives of the product and drives whose EDS is not known are used as before."""
+    file = BenchFile(
+        "x.toml", '[bench]\nname = "x"\n[segment.can0]\n[drive.d]\nsegment = "can0"\nnode_id = 5\n'
+    )
+    assert plan_of(file) is STANDARD
+
+
+def test_nothing_is_written_that_the_drive_does_not_take(tmp_path):
+    """What the controller writes is writable in the EDS; what it lacks is not asked for."""
+    options = {"read_only": (0x60A9, 0x608F), "without": (0x1017, 0x6007)}
+    with bench_of(tmp_path, drive_eds(**options)).build() as bench:
+        (configured,) = [event for event in bench.trace().events if event.kind == "node.configured"]
+        entries = entries_of(load_dictionary(tmp_path / "plan.eds"), NODE)
+        frames = [frame for frame in bench.trace().frames if frame.can_id == 0x600 + NODE]
+    assert configured
+    downloads = [frame.data for frame in frames if frame.data and frame.data[0] & 0xE0 == 0x20]
+    assert downloads
+    for data in downloads:
+        entry = entries[int.from_bytes(data[1:3], "little") << 8 | data[3]]
+        assert entry.writable
+        assert 4 - (data[0] >> 2 & 3) == entry.size
