@@ -414,6 +414,21 @@ def eds(
 
 
 @app.command()
+def commission(
+    bench: Annotated[str, typer.Argument(metavar="BENCH", help="Bench file or embedded name.")],
+    *,
+    write: Annotated[
+        bool, typer.Option("--write", help="Do it: start the bench, a live one on its bus.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Show what the controller sets up in CiA 402 drives."""
+    from hil._commands.commission import commission as show_plan
+
+    raise typer.Exit(show_plan(bench, write=write, as_json=as_json))
+
+
+@app.command()
 def check(
     bench: Annotated[str, typer.Argument(metavar="BENCH", help="Bench file or embedded name.")],
     build: Annotated[

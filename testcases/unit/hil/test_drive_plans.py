@@ -1,6 +1,8 @@
 """The controller takes drives as their EDS says: fewer PDOs, fixed mappings, other modes, other units."""
 
+import json
 import math
+import re
 
 import pytest
 
@@ -9,6 +11,7 @@ from fieldbus.canopen.eds import load_dictionary
 from fieldbus.errors import ConfigurationError
 from hil.bench import BenchFile
 from hil.bench.drive_config import Cia402DriveTable
+from hil.cli import main
 from motion.drives.cia402_plan import MODES, STANDARD
 
 pytestmark = pytest.mark.exhaustive
@@ -221,3 +224,29 @@ def test_nothing_is_written_that_the_drive_does_not_take(tmp_path):
         entry = entries[int.from_bytes(data[1:3], "little") << 8 | data[3]]
         assert entry.writable
         assert 4 - (data[0] >> 2 & 3) == entry.size
+
+
+def test_commission_shows_the_plan_and_does_it(tmp_path, capsys):
+    """`hil commission` shows mode, PDOs, what is written and what is lost; `--write` does it."""
+    file = bench_of(tmp_path, drive_eds(count=2, changed={0x6502: "0x2F"}, without=(0x1017,)))
+    (tmp_path / "bench.toml").write_text(file.text)
+    assert main(["commission", file.source, "--json"]) == 0
+    (drive,) = json.loads(capsys.readouterr().out)["drives"]
+    assert (drive["drive"], drive["node_id"], drive["mode"], drive["result"]) == ("d", NODE, "pv", "")
+    assert drive["pdos"] == [
+        "RPDO1 205h: 6040h, 60FFh, 6060h",
+        "TPDO1 185h: 6041h, 6064h, 6077h",
+        "TPDO2 285h: 606Ch, 60FDh",
+    ]
+    assert "60A9h:0: 00B44700h -> FDB44700h" in drive["writes"]
+    assert "100Ch:0: 0000h -> 0064h" in drive["writes"]
+    assert any(text.startswith("mode pv") for text in drive["lost"])
+    assert "no touch probe: 60B8h is missing" in drive["lost"]
+    assert main(["commission", file.source, "--write"]) == 0
+    assert re.search(r"commissioned, [1-9]\d* objects written", capsys.readouterr().err)
+
+
+def test_commission_needs_a_drive_with_an_axis(capsys):
+    """A bench without one is refused, with its name."""
+    assert main(["commission", "profidrive"]) == 2
+    assert "no CiA 402 drive with an axis" in capsys.readouterr().err
