@@ -6,12 +6,17 @@ from typing import TYPE_CHECKING, Final
 
 from motion.nc.commands import CONTINUOUS, ENDLESS, POSITION, STOP, BufferMode, Command, CommandState
 from motion.nc.controller import Controller
+from motion.nc.coupling import Coupling
 from motion.nc.drive import Drive
 from motion.nc.encoder import Encoder
 from motion.nc.errors import (
+    BLOCK_NOT_PERMITTED,
+    BLOCK_PARAMETER,
+    CONSEQUENTIAL,
     DRIVE_DATA_INVALID,
     DRIVE_NOT_READY,
     ENCODER_FAULT,
+    EXTERNAL_ACTIVE,
     LIMIT_MAX,
     LIMIT_MAX_AT_START,
     LIMIT_MAX_INVALID,
@@ -27,6 +32,8 @@ from motion.nc.errors import (
     VELOCITY_NOT_ALLOWED,
     error_text,
 )
+from motion.nc.external import ExternalSetpoints
+from motion.nc.fast_stop import FastStop
 from motion.nc.filters import Pt1
 from motion.nc.homing import Homing
 from motion.nc.interface import FULL_OVERRIDE, NcToPlc, OpMode, PlcToNc
@@ -114,6 +121,11 @@ class NcAxis:
         self.following_error = 0.0
         self.drive_error = False
         """The drive reports an error (`DriveDeviceError`)."""
+        self.external = ExternalSetpoints(self.plc_to_nc, self.motion)
+        self.coupling = Coupling(parameters, self.motion, cycle_s=cycle_s)
+        self.fast_stop = FastStop(parameters)
+        self._allow_slave = cell("axis.allow_commands_slave")
+        self._allow_external = cell("axis.allow_commands_ext_setpoint")
         self.homing = Homing(
             parameters,
             motion=self.motion,
@@ -211,6 +223,10 @@ class NcAxis:
             command.error_id = refused
             self._emit("command.refused", error_id=refused, text=error_text(refused))
             return refused
+        if self.coupling.master is not None:
+            self.decouple()
+        if self.external.enabled and command.kind != STOP:
+            self.external.cancel()
         if command.kind != STOP:
             self._last_dynamics = command.deceleration, command.jerk
             self.monitoring.new_target()
@@ -223,8 +239,12 @@ class NcAxis:
             return NO_ERROR if not self.error else self.error_id
         if self.error:
             return self.error_id
-        if motion.locked:
+        if motion.locked or self.fast_stop.active:
             return STOP_ACTIVE
+        if self.coupling.master is not None and not self._allow_slave.value:
+            return BLOCK_NOT_PERMITTED
+        if self.external.enabled and not self._allow_external.value:
+            return EXTERNAL_ACTIVE
         if not self._enabled:
             return NO_CONTROLLER_ENABLE
         if not self._closed:
@@ -282,6 +302,7 @@ class NcAxis:
         self._invalid = 0
         if self.homing.busy:
             self.homing.abort()
+        self.external.cancel()
         self.motion.abort(CommandState.ABORTED, NO_ERROR)
         self._follow_actual()
         self.controller.reset()
@@ -293,13 +314,84 @@ class NcAxis:
         self.encoder.shift(offset)
         self.motion.shift(offset)
 
+    # -- coupling and external setpoints
+
+    def couple(self, master: NcAxis, ratio: float) -> int:
+        """Follow `master` with `ratio`; returns an error code, 0 for none."""
+        if self.error or master.error:
+            return self.error_id or master.error_id
+        leader: NcAxis | None = master
+        while leader is not None:
+            if leader is self:
+                return BLOCK_PARAMETER
+            leader = leader.coupling.master
+        if ratio == 0.0 or self.motion.locked or self.external.enabled:
+            return BLOCK_PARAMETER if ratio == 0.0 else BLOCK_NOT_PERMITTED
+        self.motion.abort(CommandState.ABORTED, NO_ERROR)
+        self.motion.has_target = False
+        self.coupling.couple(self, master, ratio)
+        return NO_ERROR
+
+    def decouple(self) -> None:
+        """Be a master again: the motion goes on with its present velocity (NC-036)."""
+        self.coupling.leave(self)
+        generator = self.motion.generator
+        if generator.v and self._closed:
+            self.motion.submit(
+                Command(
+                    ENDLESS,
+                    velocity=abs(generator.v),
+                    acceleration=self._default_acceleration.value,
+                    deceleration=self._default_deceleration.value,
+                    jerk=self._default_jerk.value,
+                    target=1.0 if generator.v > 0.0 else -1.0,
+                )
+            )
+
+    def enable_external(self, start_type: int, target: float) -> int:
+        """Let the PLC generate the setpoints; returns an error code, 0 for none (NC-567 to NC-577)."""
+        control = self.plc_to_nc.ControlDWord
+        if start_type not in {1, 2}:
+            return BLOCK_PARAMETER
+        if self.error:
+            return self.error_id
+        if not self._enabled:
+            return NO_CONTROLLER_ENABLE
+        if not control & _FEED_PLUS:
+            return NO_FEED_PLUS
+        if not control & _FEED_MINUS:
+            return NO_FEED_MINUS
+        if not self._closed:
+            return DRIVE_NOT_READY
+        if self.coupling.master is not None:
+            return BLOCK_NOT_PERMITTED
+        refused = self.external.enable(start_type, target)
+        if not refused:
+            self.monitoring.new_target()
+        return refused
+
+    def _spread_error(self) -> None:
+        """Bring an error to the axes that are coupled (NC-210, NC-211)."""
+        coupling = self.coupling
+        if coupling.error_for_master(error=self.error) and coupling.master is not None:
+            coupling.master.raise_error(CONSEQUENTIAL)
+        if self.error:
+            for slave in coupling.slaves:
+                slave.raise_error(CONSEQUENTIAL)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the axis is controlled (`ControlLoopClosed`)."""
+        return self._closed
+
     def raise_error(self, error_id: int) -> None:
         """Put the axis into error: it is shut down without a ramp (NC-148)."""
         if self.error:
             return
         self.error_id = error_id
         self.motion.abort(CommandState.ERROR, error_id)
-        self.motion.place(self.motion.generator.s)
+        self.external.cancel()
+        self.motion.place(self.motion.s)
         self.motion.has_target = False
         self.monitoring.no_target()
         if self.homing.busy:
@@ -341,17 +433,30 @@ class NcAxis:
             self._watch_feed(control)
             if self.homing.busy:
                 self.homing.step()
-            before = motion.generator.s
-            motion.step()
+            before = motion.s
+            if self.coupling.master is not None:
+                late = self.coupling.step(self.encoder.velocity)
+                if late:
+                    self.raise_error(late)
+            else:
+                motion.step()
+                if self.external.enabled:
+                    self.external.step()
             if self._simulated is not None:
-                self._simulated.follow(motion.generator.s - before)
-            self._control()
+                self._simulated.follow(motion.s - before)
+            if self.error_id:
+                self.drive.off()
+                self._send(0.0, enable=True)
+            else:
+                self._control()
         else:
+            self.external.cancel()
             if self.error_id == NO_ERROR:
                 self._follow_actual()
-            self.following_error = motion.generator.s - self.encoder.position
+            self.following_error = motion.s - self.encoder.position
             self.drive.off()
             self._send(0.0, enable=enable)
+        self._spread_error()
         self._publish()
 
     def _take_actual_values(self) -> None:
@@ -403,8 +508,18 @@ class NcAxis:
     def _watch_feed(self, control: int) -> None:
         """Stop a motion whose direction has lost its feed enable (NC-028, NC-029)."""
         motion = self.motion
-        velocity = motion.generator.v
+        velocity = motion.v
         active = motion.active
+        if self.fast_stop.step(self.device.fast_stop) and not motion.stopped and self.coupling.master is None:
+            self._emit("axis.fast_stop")
+            motion.stop(self.fast_stop.deceleration, self.fast_stop.jerk)
+            return
+        if self.coupling.master is not None:
+            if (velocity > 0.0 and not control & _FEED_PLUS) or (
+                velocity < 0.0 and not control & _FEED_MINUS
+            ):
+                self.raise_error(NO_FEED_PLUS if velocity > 0.0 else NO_FEED_MINUS)
+            return
         if active is None or active.kind == STOP:
             return
         if (velocity > 0.0 and not control & _FEED_PLUS) or (velocity < 0.0 and not control & _FEED_MINUS):
@@ -414,11 +529,11 @@ class NcAxis:
 
     def _control(self) -> None:
         motion, encoder, monitoring = self.motion, self.encoder, self.monitoring
-        generator = motion.generator
         position = encoder.position
-        error = self.following_error = generator.s - position
+        error = self.following_error = motion.s - position
         active = motion.active
-        output = self.controller.step(generator.v, generator.a, error, has_job=active is not None)
+        output = self.controller.step(motion.v, motion.a, error, has_job=active is not None)
+        output += self.coupling.correction(error)
         velocity = self.drive.step(self.controller.feedforward, output)
         found = monitoring.watch_lag(error)
         if motion.has_target:
@@ -428,7 +543,7 @@ class NcAxis:
                 arrived=arrived,
                 alarm=active is not None and active.kind == POSITION,
             )
-        elif active is None and not motion.stopped:
+        elif active is None and not motion.stopped and self.coupling.master is None:
             monitoring.watch_target(error, arrived=True, alarm=False)
         else:
             monitoring.no_target()
@@ -476,11 +591,9 @@ class NcAxis:
     def _publish(self) -> None:
         """Fill the image for the PLC."""
         image, motion, encoder = self.nc_to_plc, self.motion, self.encoder
-        generator = motion.generator
-        velocity = generator.v
         image.StateDWord = self.state_dword()
         image.ErrorCode = self.error_id
-        image.AxisState = motion.axis_state()
+        image.AxisState = 13 if self.coupling.master is not None else motion.axis_state()
         image.HomingState = self.homing.state
         image.SafEntries = len(motion.queue)
         image.OpModeDWord = self.op_mode_dword()
@@ -490,11 +603,12 @@ class NcAxis:
         image.ActVelo = encoder.velocity
         image.ActAcc = encoder.acceleration
         image.PosDiff = self.following_error
-        image.SetPos = generator.s
-        image.SetVelo = velocity
-        image.SetAcc = generator.a
+        image.SetPos = motion.s
+        image.SetVelo = motion.v
+        image.SetAcc = motion.a
+        image.CoupleState = self.coupling.state
         image.TargetPos = motion.target
-        image.ModuloSetTurns, image.ModuloSetPos = encoder.modulo(generator.s)
+        image.ModuloSetTurns, image.ModuloSetPos = encoder.modulo(motion.s)
         image.ActPosWithoutPosCorrection = encoder.uncorrected
         active = motion.active
         if active is not None:
@@ -504,9 +618,13 @@ class NcAxis:
     def state_dword(self) -> int:
         """Return `StateDWord` of this cycle (NC-440 to NC-471)."""
         motion, monitoring = self.motion, self.monitoring
-        velocity = motion.generator.v
+        velocity = motion.v
         active = motion.active
-        word = 1 << 25
+        word = 1 << 25 if self.coupling.master is None else 1 << 5
+        if self.coupling.delaying:
+            word |= 1 << 6
+        if self.external.enabled:
+            word |= 1 << 14
         if self.operational:
             word |= 1
         if self.encoder.homed:
@@ -567,11 +685,11 @@ class NcAxis:
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the values of `TRACE_COLUMNS` for the present cycle."""
-        generator, encoder, image = self.motion.generator, self.encoder, self.nc_to_plc
+        motion, encoder, image = self.motion, self.encoder, self.nc_to_plc
         return (
-            generator.s,
-            generator.v,
-            generator.a,
+            motion.s,
+            motion.v,
+            motion.a,
             encoder.position,
             encoder.velocity,
             self.following_error,

@@ -7,13 +7,13 @@ may set them: `move(Execute=True, Position=100.0)`. Outputs are attributes too a
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from typing_extensions import override
 
 from fieldbus.errors import UnknownAttributeError, UnknownNameError
 from motion.nc.commands import CONTINUOUS, ENDLESS, POSITION, STOP, BufferMode, Command, CommandState
-from motion.nc.errors import BLOCK_MODE, BLOCK_PARAMETER, error_text
+from motion.nc.errors import BLOCK_MODE, BLOCK_NOT_PERMITTED, BLOCK_PARAMETER, error_text
 from motion.nc.interface import FULL_OVERRIDE, OpMode, State
 from motion.nc.modulo import Direction, ModuloTargetError, modulo_move
 
@@ -653,6 +653,107 @@ class MC_Stop(_StopBlock):
     def _unlock(self) -> None:
         if self._command is not None and self._command.ended:
             self.Axis.axis.motion.release(self._command)
+
+
+class MC_GearIn(ExecuteBlock):
+    """Makes the axis a slave of `Master` with the ratio `RatioNumerator` / `RatioDenominator`, from the
+    present positions on; while it is one, a rising edge changes the ratio.
+    """
+
+    block = "MC_GearIn"
+    inputs: ClassVar[dict[str, Any]] = {
+        "Execute": False,
+        "Master": None,
+        "RatioNumerator": 1.0,
+        "RatioDenominator": 1.0,
+    }
+    Master: AxisRef | None
+    RatioNumerator: float
+    RatioDenominator: float
+
+    def __init__(self, axis: AxisRef, **inputs: Any) -> None:
+        self.InGear = False
+        super().__init__(axis, **inputs)
+
+    @override
+    def _begin(self) -> None:
+        axis = self.Axis.axis
+        if self.Master is None or not self.RatioDenominator:
+            self._finish(BLOCK_PARAMETER)
+            return
+        ratio = self.RatioNumerator / self.RatioDenominator
+        master = self.Master.axis
+        if axis.coupling.master is master and ratio:
+            axis.coupling.set_ratio(ratio)
+            refused = 0
+        else:
+            refused = axis.couple(master, ratio)
+        if refused:
+            self._finish(refused)
+            return
+        self.Busy = self.Active = self.InGear = True
+
+    @override
+    def _go_on(self) -> None:
+        axis = self.Axis.axis
+        if axis.coupling.master is None:
+            self._finish(axis.error_id)
+            self.Done = False
+            self.CommandAborted = not self.Error
+
+    @override
+    def _clear(self) -> None:
+        super()._clear()
+        self.InGear = False
+
+    @override
+    def _finish(self, error_id: int = 0) -> None:
+        super()._finish(error_id)
+        self.InGear = False
+
+    def in_gear(self) -> bool:
+        """Return `InGear`."""
+        return self.InGear
+
+
+class MC_GearOut(ExecuteBlock):
+    """Ends a coupling; the axis goes on with its velocity."""
+
+    block = "MC_GearOut"
+    inputs: ClassVar[dict[str, float]] = {"Execute": False}
+
+    @override
+    def _begin(self) -> None:
+        axis = self.Axis.axis
+        if axis.coupling.master is None:
+            self._finish(BLOCK_NOT_PERMITTED)
+            return
+        axis.decouple()
+        self._finish()
+
+
+class MC_ExtSetPointGenEnable(ExecuteBlock):
+    """Lets the packets in `PlcToNc` be the setpoints (NC-565)."""
+
+    block = "MC_ExtSetPointGenEnable"
+    inputs: ClassVar[dict[str, float]] = {"Execute": False, "Position": 0.0, "PositionType": 1}
+    Position: float
+    PositionType: int
+
+    @override
+    def _begin(self) -> None:
+        self._finish(self.Axis.axis.enable_external(int(self.PositionType), self.Position))
+
+
+class MC_ExtSetPointGenDisable(ExecuteBlock):
+    """Ends external setpoints after one more packet (NC-582)."""
+
+    block = "MC_ExtSetPointGenDisable"
+    inputs: ClassVar[dict[str, float]] = {"Execute": False}
+
+    @override
+    def _begin(self) -> None:
+        self._finish(self.Axis.axis.external.disable())
 
 
 class MC_Jog(Block):

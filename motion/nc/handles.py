@@ -9,6 +9,10 @@ from motion.nc.blocks import (
     Block,
     HomingMode,
     JogMode,
+    MC_ExtSetPointGenDisable,
+    MC_ExtSetPointGenEnable,
+    MC_GearIn,
+    MC_GearOut,
     MC_Halt,
     MC_Home,
     MC_Jog,
@@ -191,6 +195,32 @@ class NcAxisHandle:
                 self.ref, Execute=True, Distance=distance, EndVelocity=end_velocity, **inputs
             )
         )
+
+    def gear_in(self, master: NcAxisHandle, numerator: float = 1.0, denominator: float = 1.0) -> MC_GearIn:
+        """Start `MC_GearIn` behind `master`."""
+        return self.run(
+            MC_GearIn(
+                self.ref,
+                Execute=True,
+                Master=master.ref,
+                RatioNumerator=numerator,
+                RatioDenominator=denominator,
+            )
+        )
+
+    def gear_out(self) -> MC_GearOut:
+        """Start `MC_GearOut`."""
+        return self.run(MC_GearOut(self.ref, Execute=True))
+
+    def external_enable(self, position: float, *, start_type: int = 1) -> MC_ExtSetPointGenEnable:
+        """Start `MC_ExtSetPointGenEnable`; the packets are written to `ref.PlcToNc`."""
+        return self.run(
+            MC_ExtSetPointGenEnable(self.ref, Execute=True, Position=position, PositionType=start_type)
+        )
+
+    def external_disable(self) -> MC_ExtSetPointGenDisable:
+        """Start `MC_ExtSetPointGenDisable`."""
+        return self.run(MC_ExtSetPointGenDisable(self.ref, Execute=True))
 
     def halt(self, **inputs: Any) -> MC_Halt:
         """Start `MC_Halt`."""

@@ -40,6 +40,10 @@ class Motion:
         self._peak = 0.0
         self._direction = 0.0
         self._count = 0
+        self._offset_v = 0.0
+        self._offset_a = 0.0
+        self.offset = 0.0
+        """What external setpoints add to the position, position unit."""
         self.generator = SetpointGenerator()
         self.active: Command | None = None
         self.queue: list[Command] = []
@@ -57,15 +61,52 @@ class Motion:
     # -- state
 
     @property
+    def s(self) -> float:
+        """Set position, position unit."""
+        return self.generator.s + self.offset
+
+    @property
+    def v(self) -> float:
+        """Set velocity, position unit/s."""
+        return self.generator.v + self._offset_v
+
+    @property
+    def a(self) -> float:
+        """Set acceleration, position unit/s2."""
+        return self.generator.a + self._offset_a
+
+    @property
     def standing(self) -> bool:
         """Whether the set velocity is 0."""
         generator = self.generator
-        return generator.done and abs(generator.v) <= _STANDS
+        return generator.done and abs(generator.v + self._offset_v) <= _STANDS
 
     @property
     def arrived(self) -> bool:
         """Whether the set position has reached the target."""
-        return self.has_target and self.standing and abs(self.generator.s - self.target) <= _STANDS
+        return self.has_target and self.standing and abs(self.s - self.target) <= _STANDS
+
+    def set_offset(self, s: float, v: float, a: float) -> None:
+        """Add external setpoints to those of the profile (NC-584)."""
+        self.offset, self._offset_v, self._offset_a = s, v, a
+
+    def take_offset(self) -> None:
+        """Stand where profile and external setpoints have led; a running command goes on from there."""
+        active = self.active
+        if active is None:
+            self.generator.set_state(self.s, 0.0)
+        else:
+            self.generator.shift(self.offset)
+            self.target += self.offset
+            if active.kind in {POSITION, CONTINUOUS}:
+                active.target += self.offset
+        self.set_offset(0.0, 0.0, 0.0)
+
+    def watch(self, target: float) -> None:
+        """Let the monitoring of windows wait for a target without a command (NC-566)."""
+        self.target = target
+        self.has_target = self.new_target = True
+        self.stopped = False
 
     @property
     def locked(self) -> bool:
@@ -338,6 +379,7 @@ class Motion:
 
     def place(self, position: float) -> None:
         """Stand at a position, for example the actual one; nothing moves."""
+        self.set_offset(0.0, 0.0, 0.0)
         self.generator.set_state(position, 0.0)
 
     def shift(self, offset: float) -> None:

@@ -57,12 +57,16 @@ class Plant:
 class Rig:
     """One axis and its program."""
 
-    def __init__(self, *, simulated=False, plc_cycles=1, noise=None, analog=False, **parameters):
-        self.scheduler = VirtualScheduler()
-        self.history = History(self.scheduler)
-        self.runtime = NcRuntime(
-            self.scheduler, cycle_ns=2_000_000, plc_cycles=plc_cycles, history=self.history
-        )
+    def __init__(self, *, with_=None, simulated=False, plc_cycles=1, noise=None, analog=False, **parameters):
+        if with_ is None:
+            self.scheduler = VirtualScheduler()
+            self.history = History(self.scheduler)
+            self.runtime = NcRuntime(
+                self.scheduler, cycle_ns=2_000_000, plc_cycles=plc_cycles, history=self.history
+            )
+        else:
+            self.scheduler, self.history, self.runtime = with_.scheduler, with_.history, with_.runtime
+        name = f"x{len(self.runtime.axes) or ''}"
         values = {"enc.encoder_mask": 0xFFFFFFFF, "ctrl.pos_kv": 20.0}
         values |= {key.replace("__", "."): value for key, value in parameters.items()}
         self.parameters = ParameterSet(values)
@@ -76,8 +80,8 @@ class Rig:
         else:
             self.device = Plant(scaling)
         self.axis = NcAxis(
-            "x",
-            number=1,
+            name,
+            number=len(self.runtime.axes) + 1,
             parameters=self.parameters,
             device=self.device,
             saf_cycle_s=T,

@@ -1,0 +1,90 @@
+"""Setpoints that the PLC generates (section 17)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from motion.nc.errors import BLOCK_NOT_PERMITTED, EXTERNAL_ACTIVE, EXTERNAL_NOT_ACTIVE, NO_ERROR
+
+if TYPE_CHECKING:
+    from motion.nc.interface import PlcToNc
+    from motion.nc.motion import Motion
+
+ABSOLUTE: Final = 1
+RELATIVE: Final = 2
+
+
+class ExternalSetpoints:
+    """External setpoint generation of an axis.
+
+    Args:
+        inputs: `PlcToNc` with the packets.
+        motion: Setpoints of the axis.
+
+    """
+
+    def __init__(self, inputs: PlcToNc, motion: Motion) -> None:
+        self._inputs = inputs
+        self._motion = motion
+        self._type = 0
+        self._moved = False
+        self._ending = False
+        self.packets = 0
+        """Packets taken over so far."""
+
+    @property
+    def enabled(self) -> bool:
+        """Whether it runs (`ExtSetPointGenEnabled`)."""
+        return self._type != 0
+
+    def enable(self, start_type: int, target: float) -> int:
+        """Begin; the axis has checked its state.
+
+        Args:
+            start_type: 1 absolute, 2 relative.
+            target: Position that the monitoring of windows waits for, absolute or from here (NC-566).
+
+        Returns:
+            An error code, 0 for none.
+
+        """
+        motion = self._motion
+        if self._type and self._type != start_type:
+            return EXTERNAL_ACTIVE
+        if start_type == ABSOLUTE and motion.active is not None:
+            return BLOCK_NOT_PERMITTED
+        if not self._type:
+            self._moved = self._ending = False
+            self._type = start_type
+        motion.watch(target if start_type == ABSOLUTE else motion.generator.s + target)
+        return NO_ERROR
+
+    def disable(self) -> int:
+        """End after one more packet (NC-582); returns an error code, 0 for none."""
+        if not self._type:
+            return EXTERNAL_NOT_ACTIVE
+        self._ending = True
+        return NO_ERROR
+
+    def cancel(self) -> None:
+        """End at once: an error, a reset, or the enable is gone (NC-571, NC-572)."""
+        if self._type:
+            self._type = 0
+            self._motion.take_offset()
+
+    def step(self) -> None:
+        """Take the packet of this cycle over, if it counts."""
+        inputs, motion = self._inputs, self._motion
+        moves = inputs.ExtSetDirection != 0
+        if moves or self._moved or self._ending:
+            self.packets += 1
+            if self._type == ABSOLUTE:
+                motion.generator.set_state(inputs.ExtSetPos, 0.0)
+                motion.set_offset(0.0, inputs.ExtSetVelo, inputs.ExtSetAcc)
+            else:
+                motion.set_offset(inputs.ExtSetPos, inputs.ExtSetVelo, inputs.ExtSetAcc)
+        if not moves:
+            motion.set_offset(motion.offset, 0.0, 0.0)
+        self._moved = moves
+        if self._ending:
+            self.cancel()
