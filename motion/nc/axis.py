@@ -42,6 +42,7 @@ from motion.nc.motion import Motion
 
 if TYPE_CHECKING:
     from fieldbus.history import History
+    from motion.nc.coupling import CoupledAxis
     from motion.nc.device import Device, SimulatedDevice
     from motion.nc.parameters import ParameterSet
 
@@ -320,7 +321,7 @@ class NcAxis:
         """Follow `master` with `ratio`; returns an error code, 0 for none."""
         if self.error or master.error:
             return self.error_id or master.error_id
-        leader: NcAxis | None = master
+        leader: CoupledAxis | None = master
         while leader is not None:
             if leader is self:
                 return BLOCK_PARAMETER

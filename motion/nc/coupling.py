@@ -2,17 +2,33 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 from motion.nc.errors import NO_ERROR, VELOCITY_LAG
 
 if TYPE_CHECKING:
-    from motion.nc.axis import NcAxis
+    from motion.nc.encoder import Encoder
     from motion.nc.motion import Motion
     from motion.nc.parameters import ParameterSet
 
 _DELAYED: Final = 1
 _SLACK: Final = 1e-9
+
+
+class CoupledAxis(Protocol):
+    """An axis as its coupling partners see it."""
+
+    motion: Motion
+    encoder: Encoder
+    coupling: Coupling
+    following_error: float
+
+    @property
+    def closed(self) -> bool:
+        """Whether it is controlled."""
+
+    def raise_error(self, error_id: int) -> None:
+        """Put it into error."""
 
 
 class Coupling:
@@ -39,9 +55,9 @@ class Coupling:
         self._master_start = 0.0
         self._failed_cycles = 0
         self._outside = 0
-        self.master: NcAxis | None = None
+        self.master: CoupledAxis | None = None
         """Axis that leads; None: no slave."""
-        self.slaves: list[NcAxis] = []
+        self.slaves: list[CoupledAxis] = []
         """Axes that follow."""
         self.ratio = 1.0
         """Way of the slave for a unit of the master (Coupling Factor)."""
@@ -55,7 +71,7 @@ class Coupling:
             return 1 if self.slaves else 0
         return 2 if self.slaves else 3
 
-    def couple(self, own: NcAxis, master: NcAxis, ratio: float) -> None:
+    def couple(self, own: CoupledAxis, master: CoupledAxis, ratio: float) -> None:
         """Become a slave of `master`, from the present positions on."""
         self.leave(own)
         self.master = master
@@ -70,11 +86,11 @@ class Coupling:
         if self.master is not None:
             self._rebase(self.master)
 
-    def _rebase(self, master: NcAxis) -> None:
+    def _rebase(self, master: CoupledAxis) -> None:
         self._start = self._motion.s
         self._master_start = master.motion.s
 
-    def leave(self, own: NcAxis) -> None:
+    def leave(self, own: CoupledAxis) -> None:
         """Be a slave no more."""
         if self.master is not None:
             self.master.coupling.slaves.remove(own)
