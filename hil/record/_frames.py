@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from array import array
+import struct
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Final, TypeAlias, overload
 
+import numpy as np
+
 from fieldbus.can.frame import CanFrame
+from hil.record._spool import Spool
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from fieldbus.modbus import ModbusFrame
 
 BusFrame: TypeAlias = "CanFrame | ModbusFrame"
@@ -20,47 +25,57 @@ FrameLog: TypeAlias = "Sequence[tuple[int, str, BusFrame, str]]"
 _EXTENDED: Final = 0x8000_0000
 _REMOTE: Final = 0x4000_0000
 _ID: Final = 0x1FFF_FFFF
-_WIDTH: Final = 8
+_RECORD: Final = struct.Struct("<qIB8s")
+_SIZE: Final = _RECORD.size
+_ROWS: Final = 65_536
+"""Frames that are read at a time."""
 
 
 class PackedFrames(Sequence[Entry]):
-    """A log of CAN frames without senders, 21 bytes per frame; it grows at its end only."""
+    """A log of CAN frames without senders, 21 bytes per frame, those of a long one in a temporary file; it
+    grows at its end only.
+    """
 
     def __init__(self) -> None:
-        self._times = array("q")
-        self._ids = array("I")
-        self._lengths = array("B")
-        self._data = bytearray()
+        self._spool = Spool()
+        self._view: NDArray[np.uint8] | None = None
         self._errors: dict[int, str] = {}
+        self._count = 0
+        self._shift_ns = 0
+        self._first_ns = self._last_ns = 0
 
     def append(self, time_ns: int, frame: CanFrame, error: str = "") -> None:
         """Add a frame at the end."""
         if error:
-            self._errors[len(self._times)] = error
-        self._times.append(time_ns)
-        self._ids.append(
-            frame.can_id | (_EXTENDED if frame.extended else 0) | (_REMOTE if frame.remote else 0)
+            self._errors[self._count] = error
+        if not self._count:
+            self._first_ns = time_ns
+        self._last_ns = time_ns
+        self._count += 1
+        self._view = None
+        word = frame.can_id | (_EXTENDED if frame.extended else 0) | (_REMOTE if frame.remote else 0)
+        self._spool.write(
+            _RECORD.pack(time_ns - self._shift_ns, word, len(frame.data) | frame.dlc << 4, frame.data)
         )
-        self._lengths.append(len(frame.data) | frame.dlc << 4)
-        self._data += frame.data.ljust(_WIDTH, b"\0")
 
     def shift(self, by_ns: int) -> None:
         """Move the times of all frames."""
-        if by_ns:
-            self._times = array("q", (time_ns + by_ns for time_ns in self._times))
+        self._shift_ns += by_ns
+        self._first_ns += by_ns
+        self._last_ns += by_ns
 
     @property
     def first_ns(self) -> int:
         """Time of the first frame."""
-        return self._times[0]
+        return self._first_ns
 
     @property
     def last_ns(self) -> int:
         """Time of the last frame."""
-        return self._times[-1]
+        return self._last_ns
 
     def __len__(self) -> int:
-        return len(self._times)
+        return self._count
 
     @overload
     def __getitem__(self, index: int) -> Entry: ...
@@ -73,17 +88,28 @@ class PackedFrames(Sequence[Entry]):
             return [self[one] for one in range(*index.indices(len(self)))]
         if index < 0:
             index += len(self)
-        return (self._times[index], "", self._frame(index), self._errors.get(index, ""))
+        if not 0 <= index < len(self):
+            raise IndexError(index)
+        return self._entry(self._bytes()[index * _SIZE : (index + 1) * _SIZE].tobytes(), 0, index)
 
     def __iter__(self) -> Iterator[Entry]:
-        errors = self._errors
-        for index, time_ns in enumerate(self._times):
-            yield time_ns, "", self._frame(index), errors.get(index, "") if errors else ""
+        for first in range(0, len(self), _ROWS):
+            part = self._bytes()[first * _SIZE : (first + _ROWS) * _SIZE].tobytes()
+            for at in range(0, len(part), _SIZE):
+                yield self._entry(part, at, first + at // _SIZE)
 
-    def _frame(self, index: int) -> CanFrame:
-        word, length = self._ids[index], self._lengths[index]
-        at = _WIDTH * index
-        data = bytes(self._data[at : at + (length & 0xF)])
-        return CanFrame(
-            word & _ID, data, extended=word & _EXTENDED != 0, remote=word & _REMOTE != 0, dlc=length >> 4
+    def _bytes(self) -> NDArray[np.uint8]:
+        if self._view is None:
+            self._view = self._spool.view(np.uint8)
+        return self._view
+
+    def _entry(self, data: bytes, at: int, index: int) -> Entry:
+        time_ns, word, length, content = _RECORD.unpack_from(data, at)
+        frame = CanFrame(
+            word & _ID,
+            content[: length & 0xF],
+            extended=word & _EXTENDED != 0,
+            remote=word & _REMOTE != 0,
+            dlc=length >> 4,
         )
+        return time_ns + self._shift_ns, "", frame, self._errors.get(index, "") if self._errors else ""
