@@ -24,7 +24,7 @@ known to be missing.
 _LIFE_LAST: Final = 15
 _LIFE_SHIFT: Final = 12
 
-Words = NDArray[np.int64]
+Words = NDArray[np.uint16]
 Flags = NDArray[np.bool_]
 
 
@@ -87,8 +87,8 @@ def check_log_signs_of_life(trace: Trace) -> list[Check]:
             sign = values >> _LIFE_SHIFT & 0xF
             if not period_s or not sign.any():
                 continue
-            at = np.flatnonzero(np.diff(sign)) + 1
-            old, new = sign[at - 1], sign[at]
+            at = np.flatnonzero(sign[1:] != sign[:-1]) + 1
+            old, new = sign[at - 1].astype(np.int64), sign[at].astype(np.int64)
             since = np.diff(times[at], prepend=times[0])
             # Frames that the recorder has lost take a count along each.
             possible = np.maximum(1, np.floor(since / period_s + 0.75))
@@ -178,9 +178,8 @@ def _off(trace: Trace, drive: str, profile: _Profile, period_s: float) -> list[C
 
 def _word(trace: Trace, drive: str, name: str) -> tuple[NDArray[np.float64], Words]:
     """Return a word from its first value on."""
-    signal = trace[f"{drive}.{name}"]
-    there = np.isfinite(signal.values)
-    return signal.time_s[there], signal.values[there].astype(np.int64)
+    signal = trace[f"{drive}.{name}"]  # what had not come yet is no sample of it
+    return signal.time_s, signal.values.astype(np.uint16)
 
 
 def _known(trace: Trace, drive: str, times: NDArray[np.float64], period_s: float) -> Flags:

@@ -20,6 +20,7 @@ from hil.errors import NotRecordedError, RecordingError
 from hil.record._frames import BusFrame, Entry, FrameLog, PackedFrames
 from hil.record._select import EventSelector, kind_matches
 from hil.record._signal import Signal
+from hil.record._spool import new_array
 from hil.record._vocabulary import Vocabulary, similar_signals
 
 _TIME: Final = Struct("<q").pack
@@ -174,6 +175,7 @@ class Trace:
         }
         self._frames: tuple[TraceFrame, ...] | None = None
         self._signals: dict[str, Signal] = {}
+        self._times: dict[str, NDArray[np.float64]] = {}
         self._digest = ""
         self.constants: dict[str, float] = dict(constants or {})
         self.end_ns = end_ns
@@ -196,14 +198,14 @@ class Trace:
             for index, (own, unit) in enumerate(group.columns):
                 if own == column:
                     enum = dict(group.enums.get(column, {}))
-                    time_s = (group.time_ns * 1e-9).astype(np.float64)
+                    time_s = self._times_of(group)
                     values = group.values[:, index]
                     if self.from_log:
                         # What had not come yet, or was of long ago, is no sample.
                         known = ~np.isnan(values)
                         for silent_s, heard_s, _ in self.silences(component):
                             known &= (time_s <= silent_s) | (time_s >= heard_s)
-                        time_s, values = time_s[known], values[known]
+                        time_s, values = _chosen(time_s, known), _chosen(values, known)
                     signal = Signal(name, unit, time_s, values, enum)
                     self._signals[name] = signal
                     return signal
@@ -217,6 +219,16 @@ class Trace:
         similar = similar_signals(name, known_names)
         every = ", ".join(known_names) or "none"
         raise RecordingError(f"no signal {name!r} was recorded{similar}; recorded are: {every}")
+
+    def _times_of(self, group: TraceGroup) -> NDArray[np.float64]:
+        """Return the times of a group in s, once for all its signals."""
+        found = self._times.get(group.name)
+        if found is None:
+            rows = len(group.time_ns)
+            found = self._times[group.name] = new_array(rows, 1)[:, 0]
+            for first in range(0, rows, _PART):
+                found[first : first + _PART] = group.time_ns[first : first + _PART] * 1e-9
+        return found
 
     def __contains__(self, name: object) -> bool:
         if not isinstance(name, str):
@@ -473,6 +485,23 @@ class Trace:
 
 
 _PART: Final = 65_536
+
+
+def _chosen(values: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the values of which something is known: a part of the array where they are one, else a copy."""
+    count = int(np.count_nonzero(known))
+    if not count:
+        return values[:0]
+    first = int(np.argmax(known))
+    if known[first : first + count].all():
+        return values[first : first + count]
+    result = new_array(count, 1)[:, 0]
+    at = 0
+    for begin in range(0, len(values), _PART):
+        part = values[begin : begin + _PART][known[begin : begin + _PART]]
+        result[at : at + len(part)] = part
+        at += len(part)
+    return result
 
 
 def _files(path: Path) -> tuple[Path, Path]:
