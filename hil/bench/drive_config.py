@@ -394,8 +394,8 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
     """EDS or DCF that the emulated drive presents on the bus, relative to the bench
     file; none: that of the product.
     """
-    mode: Literal["auto", "csv", "pv", "csp", "ip"] = "auto"
-    """Mode in which the controller moves a drive with an EDS; `auto`: the first of csv, pv, csp and ip that
+    mode: Literal["auto", "csv", "csp", "ip", "pv"] = "auto"
+    """Mode in which the controller moves a drive with an EDS; `auto`: the first of csv, csp, ip and pv that
     6502h has and the PDOs can carry. Without an EDS it is csv.
     """
     homing: HomingConfig = HomingConfig()

@@ -20,7 +20,7 @@ MODE_PV: Final = 3
 MODE_IP: Final = 7
 MODE_CSP: Final = 8
 MODE_CSV: Final = 9
-MODES: Final[Mapping[str, int]] = {"csv": MODE_CSV, "pv": MODE_PV, "csp": MODE_CSP, "ip": MODE_IP}
+MODES: Final[Mapping[str, int]] = {"csv": MODE_CSV, "csp": MODE_CSP, "ip": MODE_IP, "pv": MODE_PV}
 """Modes in which the controller can move a drive, by name, the best one first."""
 _SUPPORTED_BIT: Final = {MODE_PV: 2, MODE_IP: 6, MODE_CSP: 7, MODE_CSV: 8}
 _COSTS: Final = {
