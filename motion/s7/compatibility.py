@@ -17,6 +17,8 @@ TECHNOLOGY_ONLY: Final = frozenset({
     "MC_SetSensor", "MC_MotionInVelocity", "MC_MotionInPosition", "MC_MotionInSuperimposed",
     "MC_InterpolateCam", "MC_GetCamLeadingValue", "MC_GetCamFollowingValue", "MC_GetCamFollowingValueCyclic",
     "MC_CopyCamData", "MC_GearInVelocity", "MC_GearInPos", "MC_GearOut", "MC_CamIn", "MC_CamOut",
+    "MC_PhasingAbsolute", "MC_PhasingRelative", "MC_OffsetAbsolute", "MC_OffsetRelative",
+    "MC_LeadingValueAdditive",
 })  # fmt: skip
 """Instructions of the technology processors alone (CFG-062)."""
 

@@ -22,6 +22,7 @@ from motion.s7.instructions import (
     MC_Halt,
     MC_HaltSuperimposed,
     MC_Home,
+    MC_LeadingValueAdditive,
     MC_MotionInPosition,
     MC_MotionInSuperimposed,
     MC_MotionInVelocity,
@@ -30,6 +31,10 @@ from motion.s7.instructions import (
     MC_MoveRelative,
     MC_MoveSuperimposed,
     MC_MoveVelocity,
+    MC_OffsetAbsolute,
+    MC_OffsetRelative,
+    MC_PhasingAbsolute,
+    MC_PhasingRelative,
     MC_Power,
     MC_Reset,
     MC_SetAxisSTW,
@@ -357,6 +362,37 @@ class AxisHandle(_Handle[TechnologyAxis]):
     def cam_out(self, position: float, **inputs: Any) -> MC_CamOut:
         """Start `MC_CamOut`, which stops the axis at `position`, axis unit."""
         return self.run(MC_CamOut(self.object, Execute=True, SlavePosition=position, **inputs))
+
+    def phasing_absolute(self, shift: float, **inputs: Any) -> MC_PhasingAbsolute:
+        """Start `MC_PhasingAbsolute` to `shift`, unit of the leading object, which is that of the synchronous
+        job if `Master` says nothing else.
+        """
+        return self.run(MC_PhasingAbsolute(self.object, **self._phasing(shift), **inputs))
+
+    def phasing_relative(self, shift: float, **inputs: Any) -> MC_PhasingRelative:
+        """Start `MC_PhasingRelative` by `shift`, as `phasing_absolute` does."""
+        return self.run(MC_PhasingRelative(self.object, **self._phasing(shift), **inputs))
+
+    def _phasing(self, shift: float) -> dict[str, Any]:
+        return {"Execute": True, "Master": self.object.leader, "PhaseShift": shift}
+
+    def offset_absolute(self, offset: float, distance: float = 0.0, **inputs: Any) -> MC_OffsetAbsolute:
+        """Start `MC_OffsetAbsolute` to `offset`, axis unit, over `distance` of the leading value."""
+        return self.run(
+            MC_OffsetAbsolute(self.object, Execute=True, Offset=offset, OffsetDistance=distance, **inputs)
+        )
+
+    def offset_relative(self, offset: float, distance: float = 0.0, **inputs: Any) -> MC_OffsetRelative:
+        """Start `MC_OffsetRelative` by `offset`, axis unit, over `distance` of the leading value."""
+        return self.run(
+            MC_OffsetRelative(self.object, Execute=True, Offset=offset, OffsetDistance=distance, **inputs)
+        )
+
+    def leading_value_additive(self, position: float, **inputs: Any) -> MC_LeadingValueAdditive:
+        """Start `MC_LeadingValueAdditive` with `position`, unit of the leading object; go on with
+        `instance.set(Position=...)`, end it with `instance.set(Enable=False)`.
+        """
+        return self.run(MC_LeadingValueAdditive(self.object, Enable=True, Position=position, **inputs))
 
     def move_superimposed(self, distance: float, **inputs: Any) -> MC_MoveSuperimposed:
         """Start `MC_MoveSuperimposed` by `distance`, axis unit, on top of the motion that runs."""

@@ -1,38 +1,65 @@
-"""The leading value of one coupling: what a leading object gives, counted on over its modulo range."""
+"""The leading value of one coupling: what a leading object gives, counted on over its modulo range, with what
+the following axis adds to it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from motion.kernel.synchronous.additive import AdditiveValue
+
 if TYPE_CHECKING:
     from motion.kernel.leading_value import Value
+    from motion.kernel.synchronous.shift import Shift
 
 
 class LeadingMotion:
     """The value of a leading object as a following axis takes it (SYN-020).
+
+    ```
+    value of the object -> + additive value = effective value -> + phase shift = what the function gets
+    ```
 
     The value is given over the modulo range of its object, so that nothing steps at its edge (SYN-024).
 
     Args:
         value: Returns the setpoint, the delayed setpoint or the extrapolated actual value of this cycle.
         valid: Returns whether that is a value to follow.
+        additive: What the following axis adds to every leading value; None: nothing.
 
     """
 
-    def __init__(self, value: Callable[[], Value], valid: Callable[[], bool]) -> None:
+    def __init__(
+        self,
+        value: Callable[[], Value],
+        valid: Callable[[], bool],
+        *,
+        additive: AdditiveValue | None = None,
+    ) -> None:
         self._value = value
         self._valid = valid
+        self._additive = additive or AdditiveValue()
+        self.phase: Shift | None = None
+        """Phase shift, position unit of the leading object; None: there has been none."""
         self.valid = valid()
         """Whether the leading object gives a value; False ends the coupling with alarm 601."""
-        self.position = value()[0]
-        """Leading position, position unit of the leading object."""
+        self.effective_position = value()[0] + self._additive.position
+        """Effective leading position, position unit of the leading object."""
+        self.effective_velocity = 0.0
+        """Its velocity, position unit per second."""
+        self.effective_acceleration = 0.0
+        """Its acceleration, position unit per second squared."""
+        self.effective_increment = 0.0
+        """Its way of the last cycle, position unit."""
+        self.position = self.effective_position
+        """Leading position that the function gets: the effective one and the phase shift."""
         self.velocity = 0.0
         """Its velocity, position unit per second."""
         self.acceleration = 0.0
         """Its acceleration, position unit per second squared."""
         self.increment = 0.0
-        """Way of the last cycle, position unit."""
+        """Its way of the last cycle, position unit."""
 
     def step(self) -> None:
         """Take the value of this cycle over; the leading object has been calculated before.
@@ -41,8 +68,22 @@ class LeadingMotion:
         """
         self.valid = self._valid()
         if not self.valid:
-            self.increment = 0.0
+            self.increment = self.effective_increment = 0.0
             return
-        position, self.velocity, self.acceleration = self._value()
+        position, velocity, acceleration = self._value()
+        additive = self._additive
+        if additive.owner is not None:
+            position += additive.position
+            velocity += additive.velocity
+            acceleration += additive.acceleration
+        self.effective_increment = increment = position - self.effective_position
+        self.effective_position = position
+        self.effective_velocity, self.effective_acceleration = velocity, acceleration
+        phase = self.phase
+        if phase is not None:
+            phase.step(position, increment, velocity, acceleration)
+            position += phase.value
+            velocity += phase.velocity
+            acceleration += phase.acceleration
         self.increment = position - self.position
-        self.position = position
+        self.position, self.velocity, self.acceleration = position, velocity, acceleration

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from motion.s7.variables import VariableStore
 
 
+ADDITIVE_COMMAND: Final = 1 << 4
+"""Bit of `StatusSynchronizedMotion.StatusWord`: an additive leading value is given (SYN-046)."""
 _ROUNDING: Final = 1.0 + 1e-9
 
 
@@ -166,11 +168,12 @@ def _synchronous(shown: Shown) -> Live:
     velocity, acceleration, deceleration = (read(f"DynamicLimits.{name}") for name in names)
 
     def exceeded() -> int:
+        additive = ADDITIVE_COMMAND if motion.additive.owner is not None else 0
         if motion.synchronous_job is None:
-            return 0
+            return additive
         gen = motion.gen
         braking = gen.a * gen.v < 0.0
-        return int(
+        return additive | int(
             (abs(gen.v) > velocity.value * _ROUNDING)
             | (not braking and abs(gen.a) > acceleration.value * _ROUNDING) << 1
             | (braking and abs(gen.a) > deceleration.value * _ROUNDING) << 2
@@ -200,19 +203,28 @@ def _synchronous(shown: Shown) -> Live:
         f"{prefix}ActualMaster": shown.leader_number,
         f"{prefix}StatusWord": exceeded,
         f"{prefix}EffectiveLeadingValue.Position": lambda: (
-            0.0 if (one := coupling()) is None else one.leading.position
+            0.0 if (one := coupling()) is None else one.leading.effective_position
         ),
         f"{prefix}EffectiveLeadingValue.Velocity": lambda: (
-            0.0 if (one := coupling()) is None else one.leading.velocity
+            0.0 if (one := coupling()) is None else one.leading.effective_velocity
         ),
         f"{prefix}EffectiveLeadingValue.Acceleration": lambda: (
-            0.0 if (one := coupling()) is None else one.leading.acceleration
+            0.0 if (one := coupling()) is None else one.leading.effective_acceleration
+        ),
+        f"{prefix}PhaseShift": lambda: (
+            0.0 if (one := coupling()) is None or one.leading.phase is None else one.leading.phase.value
+        ),
+        f"{prefix}FunctionLeadingValue.Position": lambda: (
+            0.0 if (one := coupling()) is None else one.leading.position
         ),
         f"{prefix}MasterOffset": lambda: 0.0 if (cam := camming()) is None else cam.shown_offsets[0],
         f"{prefix}SlaveOffset": slave_offset,
         f"{prefix}MasterScaling": lambda: 0.0 if (cam := curve()) is None else cam.master_scaling,
         f"{prefix}SlaveScaling": lambda: 0.0 if (cam := curve()) is None else cam.slave_scaling,
-        f"{prefix}Offset": slave_offset,
+        f"{prefix}Offset": lambda: (
+            slave_offset()
+            + (0.0 if (one := motion.synchronous_job) is None or one.offset is None else one.offset.value)
+        ),
         f"{prefix}FunctionFollowingValue.Position": lambda: (
             0.0 if (one := coupling()) is None else one.s - slave_offset()
         ),

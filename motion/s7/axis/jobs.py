@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from fieldbus.history import History
-    from motion.kernel.synchronous import Coupling, Leaving, Waiting
+    from motion.kernel.synchronous import Coupling, Leaving, Shift, Waiting
 
 NO_ERROR: Final = 0x0000
 ERROR_ALARM: Final = 0x8001
@@ -63,18 +63,33 @@ ERROR_REFERENCE_SENSOR: Final = 0x8051
 ERROR_STW_MASK: Final = 0x8055
 ERROR_LIMIT_SWITCH: Final = 0x805B
 ERROR_DIRECT_CONNECTION: Final = 0x805D
+ERROR_PHASE_SHIFT: Final = 0x8070
 ERROR_NOT_CONTROLLED: Final = 0x8071
 ERROR_HOMING: Final = 0x8074
+ERROR_NO_SYNCHRONOUS: Final = 0x8075
+"""No synchronous job is active on the axis (SYN-330)."""
 ERROR_NO_GEAR: Final = 0x8077
 """No `MC_GearIn` or `MC_GearInPos` waits or is active (SYN-208)."""
 ERROR_NO_CAM: Final = 0x8078
 """No `MC_CamIn` waits or is active."""
 ERROR_VELOCITY_GEARING: Final = 0x8079
 """The axis follows a velocity without position control (SYN-174)."""
+ERROR_OFFSET: Final = 0x8080
+ERROR_OFFSET_DISTANCE: Final = 0x8081
+ERROR_PHASING_DISTANCE: Final = 0x8082
+ERROR_PROFILE: Final = 0x8083
+ERROR_START_POSITION: Final = 0x8084
+ERROR_OTHER_SHIFT: Final = 0x808A
+"""The other value of the synchronous job is being shifted (SYN-335)."""
 ERROR_NO_CAMMING: Final = 0x808B
 """There is no camming at whose end another cam could begin (CAM-135)."""
+ERROR_LEADING_REVERSED: Final = 0x808C
+"""The leading value has turned round on the way of a shift (SYN-337)."""
 ERROR_FOLLOWS: Final = 0x80A1
 """An axis whose positions follow a leading value is not homed actively (SYN-279)."""
+ERROR_CAMMING: Final = 0x80A8
+"""During camming a phase is shifted over a way of the leading value alone (SYN-178)."""
+ERROR_NOT_SYNCHRONOUS: Final = 0x80A9
 ERROR_SYNC_POSITION_OUTSIDE: Final = 0x80AD
 ERROR_CARD_FULL: Final = 0x80EB
 ERROR_CARD_WRITE: Final = 0x80EC
@@ -160,6 +175,7 @@ class Job:
         "leaving",
         "mode",
         "name",
+        "offset",
         "on_end",
         "position_controlled",
         "positions",
@@ -212,6 +228,8 @@ class Job:
         """Jog input gone: the job brakes to zero and then ends by itself."""
         self.coupling: Coupling | None = None
         """What a synchronous job makes of its leading value."""
+        self.offset: Shift | None = None
+        """Shift of the following value of `coupling`, axis unit; None: there has been none."""
         self.leader_number = 0
         """Number of the data block of the leading object of `coupling`."""
         self.entry: Waiting | None = None

@@ -9,6 +9,7 @@ from math import copysign, inf, sqrt
 from typing import TYPE_CHECKING, Final
 
 from motion.kernel.superposition import Superposition
+from motion.kernel.synchronous import AdditiveValue
 from motion.s7.axis.homing.passive import abort_passive
 from motion.s7.axis.jobs import (
     ERROR_ALARM,
@@ -28,6 +29,7 @@ from motion.s7.axis.jobs import (
     JobState,
 )
 from motion.s7.axis.override import aborts, aborts_waiting
+from motion.s7.axis.shifts import ShiftJobs
 from motion.s7.axis.state import ACCEPTS_MOTION, AxisState
 
 if TYPE_CHECKING:
@@ -69,6 +71,12 @@ _ALARM_STANDSTILL: Final = AxisState.ALARM_STANDSTILL
 _MOTION_IN: Final = JobClass.MOTION_IN
 _SWITCHES_OFF: Final = (AxisState.ALARM_RAMP, AxisState.DISABLING_RAMP)
 """States after which the drive is switched off."""
+
+
+def job_offset(job: Job | None) -> tuple[float, float, float]:
+    """Return position, velocity and acceleration of the shift of the following value of a job."""
+    offset = None if job is None else job.offset
+    return (0.0, 0.0, 0.0) if offset is None else (offset.value, offset.velocity, offset.acceleration)
 
 
 class MotionControl:
@@ -127,6 +135,10 @@ class MotionControl:
         """Job that waits for the start of its synchronising (`MC_GearInPos`, `MC_CamIn`)."""
         self.leaving: Job | None = None
         """Job that waits for the start of its desynchronising (`MC_GearOut`, `MC_CamOut`)."""
+        self.shifts = ShiftJobs(name, history)
+        """Job that shifts the leading or following value of the synchronous job in control."""
+        self.additive = AdditiveValue()
+        """What is added to every leading value that the axis follows."""
         self.severity = 0
         """Severity of the stop ramp in progress: 0 none, 1 current, 2 maximum, 3
         emergency (STP-432 to STP-435).
@@ -393,7 +405,22 @@ class MotionControl:
             return
         if watched and leaving is not None and self._leaves(leaving, coupling, before, slopes, cycle_s):
             return
-        gen.set_state(coupling.s, coupling.v, coupling.a)
+        offset = job.offset
+        if offset is None:
+            gen.set_state(coupling.s, coupling.v, coupling.a)
+        else:
+            leading = coupling.leading
+            offset.step(
+                leading.effective_position,
+                leading.effective_increment,
+                leading.effective_velocity,
+                leading.effective_acceleration,
+            )
+            gen.set_state(
+                coupling.s + offset.value, coupling.v + offset.velocity, coupling.a + offset.acceleration
+            )
+        if self.shifts.job is not None:
+            self.shifts.step()
         if coupling.synchronous and not job.synchronous:
             job.set_synchronous()
 
@@ -440,7 +467,12 @@ class MotionControl:
         leaving = job.leaving
         assert leaving is not None  # every job that waits here has one
         total, gen = self._servo.total, self.gen
-        added = (total.s - gen.s, total.v - gen.v, total.a - gen.a)
+        shifted = job_offset(self.job)
+        added = (
+            total.s - gen.s + shifted[0],
+            total.v - gen.v + shifted[1],
+            total.a - gen.a + shifted[2],
+        )
         if not leaving.due(cycle_s, coupling, before, slopes, added):
             return False
         self.leaving = None
@@ -826,6 +858,8 @@ class MotionControl:
 
     def _abort_basic(self) -> None:
         job = self.job
+        if self.shifts.job is not None:
+            self.shifts.end()
         if job is not None:
             self.job = None
             job.abort()
@@ -844,6 +878,8 @@ class MotionControl:
             moved = self._merge()
             if moved is not None:
                 moved.fail(error_id)
+        if self.shifts.job is not None:
+            self.shifts.end(error_id)
         job = self.job
         if job is not None and job.job_class is not JobClass.STOP:
             self.job = None
@@ -1070,6 +1106,8 @@ class MotionControl:
         if waiting is not None:
             self.leaving = None
             waiting.abort()
+        if self.shifts.job is not None:
+            self.shifts.end()
         job.finish()
         self._next()
 

@@ -50,6 +50,7 @@ HW_LIMIT_MIN: Final = 1 << 17
 HW_LIMIT_MAX: Final = 1 << 18
 SYNCHRONIZING: Final = 1 << 21
 SYNCHRONOUS: Final = 1 << 22
+PHASING_COMMAND: Final = 1 << 24
 MOVE_SUPERIMPOSED: Final = 1 << 23
 AXIS_SIMULATION: Final = 1 << 25
 TORQUE_LIMITING_COMMAND: Final = 1 << 26
@@ -61,6 +62,9 @@ MOTION_IN: Final = 1 << 31
 STOP: Final = 1 << 0
 DESYNCHRONIZING: Final = 1 << 1
 PASSING_BACKLASH: Final = 1 << 2
+PHASING_COMMAND_WAITING: Final = 1 << 3
+OFFSET_COMMAND: Final = 1 << 4
+OFFSET_COMMAND_WAITING: Final = 1 << 5
 MOTION_IN_SUPERIMPOSED: Final = 1 << 6
 HALT_SUPERIMPOSED: Final = 1 << 7
 
@@ -132,6 +136,9 @@ class StatusWords:
                 word |= MOTION_IN
             elif job.coupling is not None and cls is not _DESYNCHRONISE:
                 word |= SYNCHRONOUS if job.synchronous else SYNCHRONIZING
+        shifts = self._motion.shifts
+        if shifts.job is not None and shifts.phases and not shifts.waits:
+            word |= PHASING_COMMAND
         if facts.controlled and not self._command.switching_off:
             gen = servo.total
             acceleration = gen.a
@@ -194,6 +201,12 @@ class StatusWords:
         for backlash in servo.backlashes:
             if backlash.passing and backlash.feedback is servo.feedback:
                 word |= PASSING_BACKLASH
+        shifts = motion.shifts
+        if shifts.job is not None:
+            if not shifts.phases:
+                word |= OFFSET_COMMAND_WAITING if shifts.waits else OFFSET_COMMAND
+            elif shifts.waits:
+                word |= PHASING_COMMAND_WAITING
         moving = servo.superimposed
         if moving is not None and motion.superimposed_job is not None:
             if moving.given:

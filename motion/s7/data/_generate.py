@@ -71,6 +71,13 @@ _SYNCHRONOUS: Final = (
         )
         for quantity in ("Position", "Velocity", "Acceleration")
     ),
+    ("PhaseShift", "LREAL", "position", "Shift of the leading value by MC_Phasing..."),
+    (
+        "FunctionLeadingValue.Position",
+        "LREAL",
+        "position",
+        "Leading position of the function: effective leading value and phase shift.",
+    ),
 )
 """Variables of `StatusSynchronizedMotion` that the catalogue of axis functions does not have (SYN-034 to
 SYN-041): name, data type, kind of unit, meaning.

@@ -53,7 +53,9 @@ _DYNAMICS: Final = {"Acceleration": DEFAULT, "Deceleration": DEFAULT, "Jerk": DE
 
 def leading_motion(axis: TechnologyAxis, leader: TechnologyObject) -> LeadingMotion:
     """Return the value of `leader` as `axis` takes it."""
-    return LeadingMotion(leader.leading_by(axis.coupling_with(leader)), leader.gives_value)
+    return LeadingMotion(
+        leader.leading_by(axis.coupling_with(leader)), leader.gives_value, additive=axis.motion.additive
+    )
 
 
 def unfit_leader(axis: TechnologyAxis, leader: TechnologyObject, *, by_velocity: bool) -> int:

@@ -14,77 +14,14 @@ from motion.s7.axis.jobs import (
     NO_ERROR,
 )
 from motion.s7.axis.torque import LIMIT_RANGE, TORQUE_RANGE
-from motion.s7.instructions.base import Instruction
 from motion.s7.instructions.dynamics import is_number
+from motion.s7.instructions.enable import EnableInstruction
 
 if TYPE_CHECKING:
     from motion.s7.axis.axis import TechnologyAxis
 
 
-class _EnableInstruction(Instruction):
-    """Level-controlled: active while `Enable` is TRUE, from an edge on; no job aborts
-    it (MC-082 to MC-085, MC-124).
-    """
-
-    Enable: bool
-
-    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: float) -> None:
-        self._active = False
-        self._last_enable = False
-        super().__init__(axis, name=name, **inputs)
-
-    def _begin(self) -> int:
-        """Return the ErrorID of what prevents the start, 0 if nothing does."""
-        raise NotImplementedError
-
-    def _update(self) -> int:
-        """Take the inputs over; returns the ErrorID of one that is not permitted."""
-        raise NotImplementedError
-
-    def _end(self) -> int:
-        """End the function; returns the ErrorID of what keeps it active."""
-        raise NotImplementedError
-
-    def _call(self) -> None:
-        enable = bool(self.Enable)
-        rising = enable and not self._last_enable
-        self._last_enable = enable
-        if rising:
-            self.Error = False
-            self.ErrorID = NO_ERROR
-            # An instance whose end was refused (clamped axis) is still active and continues.
-            error = NO_ERROR if self._active else self._refused() or self._begin()
-            if error:
-                self._fail(error)
-                return
-            self._active = True
-        if enable and self._active:
-            error = self._update()
-            if error:
-                self._fail(error)
-                if self._end() == NO_ERROR:
-                    self._active = False
-                return
-        elif self._active:
-            error = self._end()
-            if error:
-                self._fail(error)
-                return
-            self._active = False
-        if not enable:
-            self.Error = False
-            self.ErrorID = NO_ERROR
-        self.Busy = enable and self._active and not self.Error
-
-    def _fail(self, error_id: int) -> None:
-        if not self.Error:
-            self._log_rejection(error_id)
-        self.Busy = False
-        self.Error = True
-        self.ErrorID = error_id
-
-
-class MC_TorqueAdditive(_EnableInstruction):
+class MC_TorqueAdditive(EnableInstruction):
     """Add a torque to the one that the speed controller of the drive demands.
 
     Inputs: `Enable`; `Value`, in the torque unit (linear motor: force unit), -1.0E12..1.0E12. Needs telegram
@@ -107,7 +44,7 @@ class MC_TorqueAdditive(_EnableInstruction):
         return self.axis.torque.set_additive(None)
 
 
-class MC_TorqueRange(_EnableInstruction):
+class MC_TorqueRange(EnableInstruction):
     """Limit the torque of the drive to a range.
 
     Inputs: `Enable`; `UpperLimit`, `LowerLimit`, in the torque unit (linear motor: force unit),
@@ -136,7 +73,7 @@ class MC_TorqueRange(_EnableInstruction):
         return NO_ERROR
 
 
-class MC_TorqueLimiting(_EnableInstruction):
+class MC_TorqueLimiting(EnableInstruction):
     """Limit the torque of the drive in both directions, and detect a fixed stop.
 
     Inputs: `Enable`; `Limit`, in the torque or force unit, below 0 the default of the technology object;

@@ -42,11 +42,17 @@ SUPPORT = [
     ((), "MC_GearInPos", "Y"),
     ((), "MC_GearOut", "Y"),
     ((), "MC_GearInVelocity", "Y"),
+    ((), "MC_PhasingAbsolute", "Y"),
+    ((), "MC_PhasingRelative", "Y"),
+    ((), "MC_OffsetAbsolute", "Y"),
+    ((), "MC_OffsetRelative", "Y"),
+    ((), "MC_LeadingValueAdditive", "Y"),
 ]
 START = {
     "MC_Power": "Enable",
     "MC_MoveJog": "JogForward",
     "MC_TorqueAdditive": "Enable",
+    "MC_LeadingValueAdditive": "Enable",
     "MC_TorqueRange": "Enable",
     "MC_TorqueLimiting": "Enable",
     "MC_MotionInVelocity": "Enable",

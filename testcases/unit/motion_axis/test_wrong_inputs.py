@@ -12,7 +12,7 @@ import motion.s7.instructions as instructions
 from motion.s7.axis import AxisState
 from testcases.catalogue import each
 from testcases.unit.motion_axis.conftest import Rig, TorquePort
-from testcases.unit.motion_axis.override_cells import cam_of, synchronous
+from testcases.unit.motion_axis.override_cells import ON_A_SYNCHRONOUS_JOB, cam_of, synchronous
 
 ERRORS = {
     "Velocity": 0x8003,
@@ -73,7 +73,7 @@ CASES = [
     (name, key)
     for name in sorted(instructions.__all__)
     if name.startswith("MC_") and hasattr(getattr(instructions, name), "inputs")
-    if getattr(instructions, name).object_types != ("Cam",)
+    if getattr(instructions, name).object_types != ("Cam",) and name not in ON_A_SYNCHRONOUS_JOB
     for key in numeric(getattr(instructions, name))
 ]
 
