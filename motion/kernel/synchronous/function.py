@@ -163,8 +163,9 @@ class FunctionCoupling:
             else (0.0, 0.0)
         )
         following = self._modulo
-        turns = round(self.base_y / following.length) * following.length if following.enabled else 0.0
-        return x + self.base_x - self._turns(self.base_x), y + self.base_y - turns
+        added = self.base_y - self._shift
+        turns = round(added / following.length) * following.length if following.enabled else 0.0
+        return x + self.base_x - self._turns(self.base_x), y + added - turns
 
     # -- waiting
 
@@ -193,7 +194,6 @@ class FunctionCoupling:
         last = now - increment
         if entry is Entry.DIRECT:
             self.base_x = last - self._x_sync
-            self.base_y = state[0] - self.function.evaluate(self._x_sync)[0]
             return self._arrive()
         if self._in_place(last, state, before):
             return self._arrive()
@@ -361,6 +361,8 @@ class FunctionCoupling:
         self._begun = True
         self.s, self.v, self.a = s, v, a
         if self.synchronous:
+            if self._entry is Entry.DIRECT:
+                self.base_y = s - self.function.evaluate(self._x_sync)[0]
             self._run = self.function.cycle(self.leading.position - self.leading.increment - self.base_x)
             return
         ahead = self._fraction * self._cycle_s

@@ -124,6 +124,11 @@ def test_direct():
     rig.run(0.5)
     x, y = places(rig)
     assert y == pytest.approx(f(cam, x + 52.5) + 12.0 - f(cam, 90.0), abs=1e-9)
+    rig.until(rig.axis.move_superimposed(5.0).done)
+    rig.axis.home(rig.axis.var("ActualPosition") + 100.0)
+    rig.run(0.1)
+    assert job.InSync
+    assert rig.axis.var(TAGS + "SlaveOffset") == pytest.approx(12.0 - f(cam, 90.0))
 
 
 @pytest.mark.requirement("CAM-127", "CAM-237")

@@ -95,6 +95,15 @@ FATE_ROWS = {
     ("OVR-015", "H5"): ["OVR-091", "MC-267"],
     ("OVR-015", "H7"): ["OVR-093"],
     ("OVR-015", "H8"): ["OVR-091", "MC-267"],
+    **{("OVR-019", column): ["OVR-096"] for column in ("H2", "H3", "H5", "H7", "H8")},
+    **{("OVR-022", column): ["OVR-102"] for column in ("H2", "H3", "H5", "H8")},
+    ("OVR-025", "S3"): ["OVR-098"],
+    ("OVR-025", "S4"): ["OVR-099"],
+    ("OVR-025", "S9"): ["OVR-099"],
+    ("OVR-026", "S3"): ["OVR-100"],
+    ("OVR-028", "S3"): ["OVR-100"],
+    ("OVR-037", "S1"): ["OVR-101"],
+    ("OVR-037", "S4"): ["OVR-101"],
     ("OVR-016", "H2"): ["OVR-095"],
     ("OVR-016", "H3"): ["OVR-094"],
     ("OVR-016", "H4"): ["OVR-094"],
@@ -165,7 +174,13 @@ def fate_of_new_job(rig, job, cell, old):
     fate, reached = cell.fate, NEW[cell.new].reached
     if fate == "R":
         assert job.Error
-        assert job.ErrorID == (0x800F if cell.column == "H6" else job.ErrorID) != 0
+        if cell.column == "H6":
+            assert job.ErrorID == 0x800F
+        elif cell.identifier == "OVR-025":
+            assert job.ErrorID == 0x80A1
+        elif "Out" in cell.new:
+            assert job.ErrorID == (0x8077 if "Gear" in cell.new else 0x8078)
+        assert job.ErrorID
         return
     assert not job.Error
     assert not job.CommandAborted
