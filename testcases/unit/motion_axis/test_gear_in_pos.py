@@ -203,14 +203,17 @@ def test_direction_of_a_modulo_follower(direction, way):
 @pytest.mark.requirement("SYN-162")
 def test_a_modulo_leading_axis_starts_in_the_turn_before():
     """With 30 degrees and 50 degrees of synchronising the start is at 340 degrees, of the turn before."""
-    rig = standing(leader_at=300.0, leader=MODULO)
-    job = rig.axis.gear_in_pos(rig.leader, 30.0, 25.0, MasterStartDistance=50.0)
-    travel(rig, 100.0)
-    rig.until(job.start_sync)
-    assert rig.leader.var("Position") == pytest.approx(340.0, abs=0.9)
-    rig.until(job.in_sync)
-    x, y = places(rig)
-    assert (x, y) == (pytest.approx(30.0, abs=0.9), pytest.approx(x - 5.0, abs=1e-9))
+    for profile, begun, end in ((1, 300.0, 30.0), (0, 300.0, 30.0), (0, 100.0, 390.0)):
+        rig = standing(leader_at=begun, leader=MODULO)
+        job = rig.axis.gear_in_pos(
+            rig.leader, 30.0, 25.0, SyncProfileReference=profile, MasterStartDistance=50.0
+        )
+        travel(rig, 100.0)
+        rig.until(job.start_sync)
+        assert profile == 0 or rig.leader.var("Position") == pytest.approx(340.0, abs=0.9)
+        rig.until(job.in_sync)
+        x, y = places(rig)
+        assert (x, y) == (pytest.approx(end, abs=0.9), pytest.approx(25.0 + x - end, abs=1e-9))
 
 
 @pytest.mark.requirement("SYN-128")
@@ -270,6 +273,8 @@ def test_a_waiting_job_leaves_the_active_one_alone():
         assert places(rig)[0] == pytest.approx(250.0, abs=0.9)
         rig.until(job.in_sync)
         assert places(rig)[0] == pytest.approx(300.0, abs=0.9)
+        velocities = rig.column("velocity_setpoint")
+        assert max(abs(b - a) for a, b in pairwise(velocities)) < 5000.0 * CYCLE
 
 
 @pytest.mark.requirement("SYN-087", "SYN-283")

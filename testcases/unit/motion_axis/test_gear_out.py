@@ -189,12 +189,15 @@ def test_active_homing_is_refused():
 
 def test_a_gear_that_ends_otherwise_ends_the_waiting_job():
     """There is nothing to leave any more."""
-    rig = in_gear()
+    rig = standing(follower={"VirtualAxis.Mode": 0})
+    travel(rig, 50.0)
+    gear = rig.axis.gear_in(rig.leader)
+    rig.until(gear.in_gear)
     job = rig.axis.gear_out(5000.0, MasterStopDistance=50.0)
     rig.cycles(2)
-    rig.axis.halt()
+    rig.axis.home(0.0, mode=3)
     rig.cycles(3)
-    assert (job.CommandAborted, status(rig)) == (True, (False, 0, 0))
+    assert (gear.CommandAborted, job.CommandAborted, status(rig)) == (True, True, (False, 0, 0))
 
 
 @pytest.mark.requirement("SYN-198", "SYN-199", "SYN-200", "SYN-202")
