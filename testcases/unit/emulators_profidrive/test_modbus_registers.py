@@ -343,3 +343,17 @@ def test_several_drives_on_one_line():
     scheduler.run_for(S)
     assert not any(drive.core.enabled for drive in drives.values())
     assert line.collisions == 0
+
+
+def test_fault_numbers_of_another_make():
+    """FAULT_CODE and WARN_CODE show the numbers of the map; what it does not have is shown as it is."""
+    drive = ProfidriveConfig(telegram=111, settings=replace(FAST, operating_mode=2))
+    for number, shown in ((30001, 11), (7452, 126), (42, 42)):
+        rig = ModbusRig(registers="festo", drive=drive)
+        rig.drive.raise_fault(number)
+        rig.scheduler.run_for(20 * MS)
+        assert rig.fault == number
+        assert rig.read(109) == [shown]
+    rig.drive.drive.faults.warn(7461, True)
+    rig.scheduler.run_for(20 * MS)
+    assert rig.read(110) == [67]
