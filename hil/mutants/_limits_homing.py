@@ -114,7 +114,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "forward = way != 0 and self._direction in (0, way)",
         "forward = way != 0",
         ids=("HOM-128",),
-        likely=("homing/cam-bounces/input/9@reference", "homing/wrong-direction"),
+        likely=("homing/reversal/input/negative/below@profidrive",),
     ),
     _defect(
         "input-edge-swapped",
