@@ -209,7 +209,7 @@ class Motion:
         velocity = self._velocity(command)
         if velocity <= 0.0:
             generator.start_stop(deceleration, jerk)
-        elif command.kind == POSITION:
+        elif command.kind == POSITION or (command.kind == CONTINUOUS and command.end_velocity == 0.0):
             generator.start_position(command.target, velocity, acceleration, deceleration, jerk)
         elif command.kind == CONTINUOUS:
             self._plan_through(command, velocity)
@@ -285,6 +285,11 @@ class Motion:
         direction = self._direction
         left = (command.target - generator.s) * direction
         end = command.end_velocity
+        if end == 0.0:  # it is planned to stand at the target
+            command.in_velocity = self.standing and abs(left) <= _STANDS
+            if command.in_velocity and self.queue:
+                self._end(command)
+            return
         if left <= abs(generator.v) * dt * 0.5 + _STANDS:
             command.in_velocity = abs(abs(generator.v) - end) <= 1e-6
             if self.queue:

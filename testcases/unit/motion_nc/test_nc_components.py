@@ -377,7 +377,7 @@ def test_two_gains(subtests):
     controller = _controller(
         kind="PP", ctrl__pos_kv_standstill=50.0, ctrl__pos_kv_moving=10.0, ctrl__pos_vdyn=0.2
     )
-    for share, gain in ((0.0, 50.0), (0.05, 40.0), (0.1, 30.0), (0.2, 10.0), (0.5, 10.0)):
+    for share, gain in ((0.0, 50.0), (0.05, 40.0), (0.1, 30.0), (0.2, 10.0), (0.3, 10.0), (0.5, 10.0)):
         with subtests.test(share=share):
             for sign in (1.0, -1.0):
                 output = controller.step(sign * share * 2200.0, 0.0, 0.1, has_job=True)

@@ -4,6 +4,8 @@ import pytest
 
 from testcases.unit.motion_nc.nc_rig import Rig, T
 
+pytestmark = pytest.mark.exhaustive
+
 
 class Pair:
     """A master and its slave."""

@@ -4,6 +4,8 @@ import pytest
 
 from testcases.unit.motion_nc.nc_rig import Rig, T
 
+pytestmark = pytest.mark.exhaustive
+
 
 class Feeder:
     """A PLC program that writes a packet in every cycle."""
