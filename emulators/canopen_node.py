@@ -189,7 +189,9 @@ class CanopenNode:
             key = index << 8 | sub
             entry = store.entries.get(key)
             if entry is not None and entry.key == key:
-                entry.default = entry.coerce(value)
+                # What is too large even as a bit pattern is held at the end, or it might become 0.
+                too_large = entry.integer and value >> entry.bits > 0
+                entry.default = entry.saturated(value) if too_large else entry.coerce(value)
                 entry.given = True
             elif key in values:
                 values[key] = value

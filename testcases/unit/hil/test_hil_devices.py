@@ -13,7 +13,7 @@ from pathlib import Path
 import can
 import canopen
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from emulators.drive.cia402.objects.rules import REQUIRED
@@ -433,7 +433,10 @@ def test_manufacturer_objects_are_the_vendors(bench_file, tmp_path):
         assert drive.faults.log.packed(0) == faults
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=40, deadline=None)
+@example(changes={"608F": (1, "8")}, content=b"")
+@example(changes={"608F": (5, "8"), "6092": (2, "8"), "6076": (1, "7")}, content=b"\x01")
 @given(
     changes=st.dictionaries(
         st.sampled_from(
