@@ -701,6 +701,14 @@ def mutants(
         Path | None,
         typer.Option("--report", "-r", metavar="DIR", help="Folder for mutants.json, .md, .html and .xml."),
     ] = None,
+    coverage: Annotated[
+        Path,
+        typer.Option(
+            "--coverage",
+            metavar="FILE",
+            help="Keeps which statements each case comes to; only cases that may have changed run again.",
+        ),
+    ] = Path(".hil/coverage.jsonl"),
     seed: SeedOption = 0,
     jobs: JobsOption = "1",
     as_json: JsonOption = False,
@@ -725,6 +733,7 @@ def mutants(
         as_json=as_json,
         mechanical=mechanical,
         most_cases=cases or (40 if mechanical else 0),
+        coverage=coverage,
     )
     raise typer.Exit(seed_defects(request))
 

@@ -10,6 +10,7 @@ from typing import Final
 from hil._commands.terminal import console, print_json, quiet_stdout
 from hil.errors import CannotRunError
 from hil.mutants import (
+    Coverage,
     Mutant,
     MutantResult,
     Outcome,
@@ -55,6 +56,8 @@ class MutantsRequest:
     mechanical: int = 0
     """So many defects are drawn from the source; 0: those of the catalogue."""
     most_cases: int = 0
+    coverage: Path | None = None
+    """File that keeps what cases come to; None: all cases are measured."""
 
 
 class _Progress:
@@ -101,6 +104,7 @@ def seed_defects(request: MutantsRequest) -> int:
         options = SeedingOptions(
             jobs=request.jobs,
             seed=request.seed,
+            case_seed=0 if request.mechanical else request.seed,
             every_case=request.every_case,
             limit_s=request.limit_s,
             most_cases=request.most_cases,
@@ -119,6 +123,7 @@ def seed_defects(request: MutantsRequest) -> int:
             on_result=on_result,
             earlier=earlier,
             earlier_seconds=stored.seconds if request.resume else 0.0,
+            coverage=Coverage.of(request.coverage),
         )
         seeding = seeder.run()
     if request.report is not None:
@@ -196,7 +201,8 @@ def _tell(seeding: Seeding, report: Path | None) -> None:
     good = seeding.exit_code == 0
     out.print("; ".join(parts), style="bold green" if good else "bold red", markup=False)
     out.print(
-        f"baseline: {len(seeding.baseline)} cases green in {seeding.baseline_seconds:.0f} s",
+        f"baseline: {len(seeding.baseline)} cases green, {seeding.measured} of them run in "
+        f"{seeding.baseline_seconds:.0f} s",
         style="dim",
         markup=False,
     )

@@ -10,6 +10,7 @@ program.
 from __future__ import annotations
 
 from hil.mutants._catalogue import CATALOGUE, load_catalogue, select_mutants
+from hil.mutants._coverage import Coverage
 from hil.mutants._mechanical import draw
 from hil.mutants._mutant import AREAS, PACKAGES, Edit, Mutant, defect
 from hil.mutants._patch import TargetChangedError, seeded, watched
@@ -31,6 +32,7 @@ __all__ = [
     "AREAS",
     "CATALOGUE",
     "PACKAGES",
+    "Coverage",
     "Edit",
     "Judge",
     "Mutant",

@@ -119,13 +119,16 @@ def spread(judges: Sequence[Judge], most: int) -> list[Judge]:
         most: How many.
 
     """
-    if not most or len(judges) <= most:
-        return list(judges)
+    return in_turn(judges)[:most] if most and len(judges) > most else list(judges)
+
+
+def in_turn(judges: Sequence[Judge]) -> list[Judge]:
+    """Return cases with the first of every family and bench before the second of any."""
     groups: dict[tuple[str, str], list[Judge]] = {}
     for judge in judges:
         groups.setdefault((judge.identifier.rpartition("/")[0], judge.bench), []).append(judge)
     turns = zip_longest(*groups.values())
-    return [judge for turn in turns for judge in turn if judge is not None][:most]
+    return [judge for turn in turns for judge in turn if judge is not None]
 
 
 def closest(name: str, known: Iterable[str]) -> str:

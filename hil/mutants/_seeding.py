@@ -10,9 +10,11 @@ from typing import Any, Final
 
 from hil._workers import CopyStarter, Pool, number_of_processes
 from hil.errors import CannotRunError
+from hil.mutants._coverage import Coverage, Covered, modules_in, scope_of
+from hil.mutants._marks import Marks, Place, marks_of, places_of
 from hil.mutants._mutant import Mutant
-from hil.mutants._patch import Patch, TargetChangedError, defect_patch, watching_patch
-from hil.mutants._plan import Judge, hinted, in_order, modules_of, spread
+from hil.mutants._patch import TargetChangedError, defect_patch
+from hil.mutants._plan import Judge, hinted, in_order, in_turn, modules_of, spread
 from hil.mutants._worker import Finished, Outcome, Task, run_tasks
 
 BASELINE_LIMIT_S: Final = 300.0
@@ -20,7 +22,7 @@ BASELINE_LIMIT_S: Final = 300.0
 LIMIT_FACTOR: Final = 20.0
 LEAST_LIMIT_S: Final = 20.0
 """A case with a defect may take so many times the time it takes without one, and at least this long, s."""
-_CHUNK: Final = 12
+_CHUNK: Final = 24
 """Cases of the baseline that one process runs."""
 _BEST: Final = 3
 """Cases that are tried for every defect before any others."""
@@ -35,6 +37,9 @@ class SeedingOptions:
 
     jobs: int = 1
     seed: int = 0
+    """Seed of the run, as it is shown."""
+    case_seed: int = 0
+    """Seed of the cases."""
     every_case: bool = False
     """Run every case that can notice a defect, not only until the first that does."""
     limit_s: float = 0.0
@@ -70,7 +75,9 @@ class MutantResult:
         if self.earlier is not None:
             how, message, broken = (self.earlier[key] for key in ("how", "message", "broken"))
             judges = (Judge(name, "", "") for name in self.earlier["caught_by"])
-            return [Outcome(judge, how, message, 0.0, frozenset(), tuple(broken)) for judge in judges]
+            return [
+                Outcome(judge, how, message, 0.0, frozenset(), requirements=tuple(broken)) for judge in judges
+            ]
         return [outcome for outcome in self.outcomes if outcome.catches]
 
     @property
@@ -141,6 +148,8 @@ class Seeding:
     """Cases that fail without any defect; with one of them no defect is judged."""
     seconds: float = 0.0
     baseline_seconds: float = 0.0
+    measured: int = 0
+    """Cases that ran without any defect; of the others it was known what they come to."""
     interrupted: bool = False
     """Whether it ended before every defect was judged, or has not ended yet."""
     seed: int = 0
@@ -170,6 +179,7 @@ class Seeding:
             "never_ran": self.count("never ran"),
             "baseline_cases": len(self.baseline),
             "baseline_red": [outcome.judge.name for outcome in self.red],
+            "baseline_measured": self.measured,
             "baseline_seconds": round(self.baseline_seconds, 1),
             "seconds": round(self.seconds, 1),
             "interrupted": self.interrupted,
@@ -196,6 +206,7 @@ class Seeder:
         on_result: The same for every defect.
         earlier: Results of an earlier run that are kept.
         earlier_seconds: Wall time that went into them, s.
+        coverage: What is known of the cases without a defect; None: nothing.
 
     """
 
@@ -209,6 +220,7 @@ class Seeder:
         on_result: OnResult | None = None,
         earlier: Iterable[MutantResult] = (),
         earlier_seconds: float = 0.0,
+        coverage: Coverage | None = None,
     ) -> None:
         if not mutants or not judges:
             raise CannotRunError("nothing to do: there are no defects, or no cases to judge them")
@@ -223,7 +235,11 @@ class Seeder:
         self._done: dict[str, MutantResult] = {result.mutant.name: result for result in earlier}
         self._reported = len(self._done)
         self._started_s = time.perf_counter() - earlier_seconds
-        self._watching = Patch()
+        self._coverage = coverage or Coverage()
+        self._marks: Marks | None = None
+        self._places: dict[str, Sequence[Place]] = {}
+        self._scope: frozenset[str] = frozenset()
+        self._measured: set[Judge] = set()
 
     def run(self) -> Seeding:
         """Run; Ctrl-C ends early, with the results so far and `interrupted` set.
@@ -234,7 +250,10 @@ class Seeder:
         """
         seeding = self._seeding
         try:
-            self._watching = watching_patch(self._mutants)
+            self._places = {mutant.name: places_of(mutant) for mutant in self._mutants}
+            self._scope = scope_of(place.module for places in self._places.values() for place in places)
+            for mutant in self._mutants:
+                defect_patch(mutant)  # a change that cannot be made is reported before anything runs
             self._all_stages()
         except TargetChangedError as error:
             raise CannotRunError(str(error)) from error
@@ -281,34 +300,54 @@ class Seeder:
     # -----------------------------------------------------------------------------------------------
 
     def _measure(self, judges: Sequence[Judge]) -> bool:
-        """Run cases without a defect, those that have not been yet; returns whether all are green."""
+        """Run cases without a defect, those of which nothing is known; returns whether all are green."""
         started = time.perf_counter()
-        seeding = self._seeding
-        new = [judge for judge in judges if judge not in seeding.baseline]
+        seeding, seed = self._seeding, self._options.case_seed
+        new = []
+        for judge in in_turn(judges):
+            if judge in seeding.baseline:
+                continue
+            known = self._coverage.get(judge, seed, self._scope)
+            if known is None:
+                new.append(judge)
+            else:
+                seeding.baseline[judge] = Outcome(
+                    judge, known.verdict, "", known.seconds, self._reached_by(known)
+                )
+        self._run_without_defect(new)
+        seeding.baseline_seconds += time.perf_counter() - started
+        return not seeding.red
+
+    def _run_without_defect(self, judges: Sequence[Judge]) -> None:
+        """Run cases without a defect, and keep what they come to."""
+        if not judges:
+            return
+        seeding, seed = self._seeding, self._options.case_seed
+        if self._marks is None:
+            self._marks = marks_of(modules_in(self._scope))
         limit_s = self._options.limit_s or BASELINE_LIMIT_S
         tasks = [
-            Task(
-                tuple(new[index : index + _CHUNK]),
-                self._options.seed,
-                None,
-                self._watching,
-                False,
-                (limit_s,) * len(new[index : index + _CHUNK]),
-            )
-            for index in range(0, len(new), _CHUNK)
+            Task(tuple(some), seed, None, self._marks, False, (limit_s,) * len(some))
+            for some in (judges[at : at + _CHUNK] for at in range(0, len(judges), _CHUNK))
         ]
-        total = len(seeding.baseline) + len(new)
+        total = len({*seeding.baseline, *judges})
         for finished in run_tasks(self._pool, tasks):
             if finished.error:
                 raise CannotRunError(finished.error)
             for outcome in finished.outcomes:
-                seeding.baseline[outcome.judge] = outcome
+                found = Covered(outcome.verdict, outcome.seconds, outcome.marks)
+                self._measured.add(outcome.judge)
+                seeding.measured = len(self._measured)
+                seeding.baseline[outcome.judge] = replace(outcome, reached=self._reached_by(found), marks={})
                 if outcome.red:
                     seeding.red.append(outcome)
+                else:
+                    self._coverage.keep(outcome.judge, seed, self._scope, found)
                 if self._on_baseline is not None:
                     self._on_baseline(outcome, len(seeding.baseline), total)
-        seeding.baseline_seconds += time.perf_counter() - started
-        return not seeding.red
+
+    def _reached_by(self, covered: Covered) -> frozenset[str]:
+        return frozenset(name for name, places in self._places.items() if covered.comes_to(places))
 
     # -- defects
     # ------------------------------------------------------------------------------------------------
@@ -339,7 +378,7 @@ class Seeder:
                 limits = tuple(self._limit(seconds[judge]) for judge in order)
                 first = not self._options.every_case
                 tasks.append(
-                    Task(tuple(order), self._options.seed, mutant, defect_patch(mutant), first, limits)
+                    Task(tuple(order), self._options.case_seed, mutant, defect_patch(mutant), first, limits)
                 )
             elif only is None:
                 self._tell(result)
@@ -347,6 +386,15 @@ class Seeder:
             result = self._take(finished)
             if only is None or result.caught or result.error:
                 self._tell(result)
+        # A case that is only known to have been green may be red by now for another reason.
+        self._run_without_defect(
+            [
+                judge
+                for judge in judges
+                if judge not in self._measured
+                and any(one.judge == judge for mutant in mutants for one in self._done[mutant.name].caught_by)
+            ]
+        )
 
     def _limit(self, seconds: float) -> float:
         return self._options.limit_s or max(LEAST_LIMIT_S, LIMIT_FACTOR * seconds)

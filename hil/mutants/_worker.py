@@ -5,7 +5,7 @@ nobody else.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -14,6 +14,7 @@ from hil._workers import Answer, Pool
 from hil.campaign import CaseSettings, case_seed, execute_case, load_campaign
 from hil.campaign._limits import USED_UP
 from hil.campaign._worker import bench_of
+from hil.mutants._marks import Marks, packed
 from hil.mutants._mutant import Mutant
 from hil.mutants._patch import Patch
 from hil.mutants._plan import Judge
@@ -38,6 +39,8 @@ class Outcome:
     seconds: float
     reached: frozenset[str]
     """Names of the mutants whose changed statement was reached."""
+    marks: Mapping[str, bytes] = field(default_factory=dict)
+    """Marks of the product that it passed, by module, eight to a byte; of a case without a defect."""
     requirements: tuple[str, ...] = ()
     """Identifiers that the failed checks name; none: it was noticed by accident."""
 
@@ -64,8 +67,8 @@ class Task:
     seed: int
     mutant: Mutant | None
     """The defect that is judged; None: the product as it is."""
-    patch: Patch
-    """Its code; without a defect: code that notes the places of all of them."""
+    code: Patch | Marks
+    """Its code; without a defect: that of the product with marks."""
     stop_at_first: bool = True
     limits_s: tuple[float, ...] = ()
     """Limit of wall time of each case, s; the case ends itself at it, and the parent ends the process a
@@ -73,17 +76,36 @@ class Task:
     """
 
     def run(self, send: Callable[[Outcome | None], None]) -> None:
-        """Apply the patch, send None, run the cases and send an outcome for each."""
+        """Change the code, send None, run the cases and send an outcome for each."""
         _limit_memory()
+        if isinstance(self.code, Marks):
+            with self.code.applied() as arrays:
+                self._run_marked(self.code, arrays, send)
+            return
         reached: set[str] = set()
-        with self.patch.applied(reached):
+        with self.code.applied(reached):
             send(None)
             for judge, limit_s in zip(self.judges, self.limits_s, strict=True):
                 reached.clear()
-                outcome = _judge(self, judge, limit_s, reached)
+                outcome = replace(_judge(self, judge, limit_s), reached=frozenset(reached))
                 send(outcome)
                 if outcome.catches and self.stop_at_first:
                     return
+
+    def _run_marked(
+        self, marks: Marks, arrays: list[bytearray], send: Callable[[Outcome | None], None]
+    ) -> None:
+        send(None)
+        for judge, limit_s in zip(self.judges, self.limits_s, strict=True):
+            for array in arrays:
+                array[:] = bytes(len(array))
+            outcome = _judge(self, judge, limit_s)
+            found = {
+                one.name: packed(array)
+                for one, array in zip(marks.modules, arrays, strict=True)
+                if any(array)
+            }
+            send(replace(outcome, marks=found))
 
     def patience(self, answers: int) -> float:
         """Return the time for the start of the process, then for each case, s."""
@@ -102,7 +124,7 @@ def _limit_memory() -> None:
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, hard))
 
 
-def _judge(task: Task, judge: Judge, limit_s: float, reached: set[str]) -> Outcome:
+def _judge(task: Task, judge: Judge, limit_s: float) -> Outcome:
     case = replace(load_campaign(judge.campaign)[judge.identifier], wall_limit_s=limit_s)
     started = time.perf_counter()
     settings = CaseSettings(seed=case_seed(task.seed, judge.identifier))
@@ -113,7 +135,7 @@ def _judge(task: Task, judge: Judge, limit_s: float, reached: set[str]) -> Outco
         verdict="hung" if hung else result.verdict.value,
         message=result.message,
         seconds=time.perf_counter() - started,
-        reached=frozenset(reached),
+        reached=frozenset(),
         requirements=_broken(result),
     )
 

@@ -178,6 +178,22 @@ def test_every_defect_caught(capsys, green, tmp_path):
 
 
 @pytest.mark.exhaustive
+def test_what_cases_come_to_is_kept(capsys, green, tmp_path):
+    """A second run measures no case that no catch rests on; a changed campaign is measured again."""
+    arguments = ["survives", "--catalogue", f"{TOY}:FATES", "--campaign", green]
+    for measured, text in ((3, ""), (0, ""), (3, "# changed\n")):
+        with (tmp_path / "green.py").open("a") as file:
+            file.write(text)
+        code, _, err = call(capsys, *arguments)
+        assert (code, f"baseline: 3 cases green, {measured} of them run" in err) == (1, True), err
+    code, _, err = call(capsys, "slope-inverted", *arguments[1:])
+    assert (code, "1 of them run" in err) == (0, True), "the case that caught it ran without it, too"
+    (tmp_path / ".hil" / "coverage.jsonl").write_text("[]\n")
+    code, _, err = call(capsys, *arguments)
+    assert (code, "keeps no coverage of cases" in err) == (2, True)
+
+
+@pytest.mark.exhaustive
 def test_fates_of_defects(capsys, green):
     """Survivors and defects that never run make it 1; what hangs, is deaf to its limit, or kills its process
     is caught.

@@ -123,7 +123,9 @@ def test_shares_count_what_a_named_requirement_noticed():
     judge = Judge("limits/a", "", "")
     found = frozenset({"x"})
     results = [
-        MutantResult(first, [Outcome(judge, "failed", "", 0.1, found, ("LIM-001",))], able=1, over=True),
+        MutantResult(
+            first, [Outcome(judge, "failed", "", 0.1, found, requirements=("LIM-001",))], able=1, over=True
+        ),
         MutantResult(second, [Outcome(judge, "error", "", 0.1, found)], able=1, over=True),
         MutantResult(third, [Outcome(judge, "passed", "", 0.1, found)], able=1, over=True),
     ]
