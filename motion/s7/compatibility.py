@@ -18,7 +18,7 @@ TECHNOLOGY_ONLY: Final = frozenset({
     "MC_InterpolateCam", "MC_GetCamLeadingValue", "MC_GetCamFollowingValue", "MC_GetCamFollowingValueCyclic",
     "MC_CopyCamData", "MC_GearInVelocity", "MC_GearInPos", "MC_GearOut", "MC_CamIn", "MC_CamOut",
     "MC_PhasingAbsolute", "MC_PhasingRelative", "MC_OffsetAbsolute", "MC_OffsetRelative",
-    "MC_LeadingValueAdditive",
+    "MC_LeadingValueAdditive", "MC_SynchronizedMotionSimulation",
 })  # fmt: skip
 """Instructions of the technology processors alone (CFG-062)."""
 

@@ -40,6 +40,7 @@ from motion.s7.instructions import (
     MC_SetAxisSTW,
     MC_SetSensor,
     MC_Stop,
+    MC_SynchronizedMotionSimulation,
     MC_TorqueAdditive,
     MC_TorqueLimiting,
     MC_TorqueRange,
@@ -393,6 +394,10 @@ class AxisHandle(_Handle[TechnologyAxis]):
         `instance.set(Position=...)`, end it with `instance.set(Enable=False)`.
         """
         return self.run(MC_LeadingValueAdditive(self.object, Enable=True, Position=position, **inputs))
+
+    def synchronized_motion_simulation(self) -> MC_SynchronizedMotionSimulation:
+        """Start `MC_SynchronizedMotionSimulation`; `set(Enable=False)` ends it."""
+        return self.run(MC_SynchronizedMotionSimulation(self.object, Enable=True))
 
     def move_superimposed(self, distance: float, **inputs: Any) -> MC_MoveSuperimposed:
         """Start `MC_MoveSuperimposed` by `distance`, axis unit, on top of the motion that runs."""

@@ -267,11 +267,16 @@ class FunctionCoupling:
     def _former_ends(self) -> bool:
         """Return whether the former cam comes to the end of its run in this cycle (CAM-136)."""
         former = self._former
-        edge = None if former is None else former.edge(self.leading.position, self.leading.increment)
-        if former is None or edge is None:
+        if former is None:
+            return False
+        # What shifts the leading value of the former cam ends with it; its own leading value has not been
+        # stepped yet.
+        before, increment = former.leading.position, self.leading.increment
+        edge = former.edge(before + increment, increment)
+        if edge is None:
             return False
         x, y = edge
-        self.base_x = x - self._x_sync
+        self.base_x = x - (before - self.leading.position + increment) - self._x_sync
         self.base_y = y - self.function.evaluate(self._x_sync)[0]
         return self._arrive()
 
@@ -363,6 +368,8 @@ class FunctionCoupling:
         if self.synchronous:
             if self._entry is Entry.DIRECT:
                 self.base_y = s - self.function.evaluate(self._x_sync)[0]
+            elif self._entry is Entry.AT_END and self._former is not None:
+                self.base_y += s - self._former.s  # an offset ends with the former cam, without a step
             self._run = self.function.cycle(self.leading.position - self.leading.increment - self.base_x)
             return
         ahead = self._fraction * self._cycle_s

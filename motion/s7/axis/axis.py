@@ -566,7 +566,7 @@ class TechnologyAxis(TechnologyObject):
 
     def _leader_number(self) -> int:
         """Return `StatusSynchronizedMotion.ActualMaster` (SYN-036)."""
-        job = self.motion.synchronous_job
+        job = self.motion.following_job
         return 0 if job is None else job.leader_number
 
     def coupling_with(self, leader: TechnologyObject) -> str:
@@ -579,6 +579,11 @@ class TechnologyAxis(TechnologyObject):
     @override
     def leads_without_position_control(self) -> bool:
         return self.servo.controlled and not self.servo.position_controlled
+
+    @property
+    @override
+    def stands(self) -> bool:
+        return self.position is not None and self.position.monitoring.standstill
 
     @override
     def leading_by(self, coupling: str) -> Callable[[], Value]:
@@ -781,6 +786,7 @@ class TechnologyAxis(TechnologyObject):
 
     @override
     def _abort_jobs(self) -> None:
+        self.motion.abort_simulated()
         self.motion.abort_all()
 
     @override
@@ -932,6 +938,8 @@ class TechnologyAxis(TechnologyObject):
                 output = 0.0  # the monitoring or a job has taken the axis out of control
         else:
             output = servo.actual_velocity if enabling.catching else 0.0
+            if motion.simulated is not None:
+                motion.step_simulation(servo.interpolator_s)
             if not servo.controlled:
                 # Follow-up: the position tracks, the speed setpoint is zero (CTL-003).
                 servo.basic.set_state(feedback.position, 0.0)

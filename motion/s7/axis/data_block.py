@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from motion.s7.variables import VariableStore
 
 
+IN_SIMULATION: Final = 1 << 3
+"""Bit of `StatusSynchronizedMotion.StatusWord`: the synchronous operation is simulated (SYN-045)."""
 ADDITIVE_COMMAND: Final = 1 << 4
 """Bit of `StatusSynchronizedMotion.StatusWord`: an additive leading value is given (SYN-046)."""
 _ROUNDING: Final = 1.0 + 1e-9
@@ -169,6 +171,8 @@ def _synchronous(shown: Shown) -> Live:
 
     def exceeded() -> int:
         additive = ADDITIVE_COMMAND if motion.additive.owner is not None else 0
+        if motion.simulated is not None:
+            return additive | IN_SIMULATION
         if motion.synchronous_job is None:
             return additive
         gen = motion.gen
@@ -180,11 +184,11 @@ def _synchronous(shown: Shown) -> Live:
         )
 
     def coupling() -> Coupling | None:
-        job = motion.synchronous_job
+        job = motion.following_job
         return None if job is None else job.coupling
 
     def camming() -> FunctionCoupling | None:
-        job = motion.synchronous_job
+        job = motion.following_job
         one = None if job is None or not job.cam_number else job.coupling
         return one if isinstance(one, FunctionCoupling) else None
 
@@ -197,9 +201,9 @@ def _synchronous(shown: Shown) -> Live:
 
     prefix = "StatusSynchronizedMotion."
     return {
-        f"{prefix}FunctionState": lambda: 0 if (job := motion.synchronous_job) is None else job.function,
+        f"{prefix}FunctionState": lambda: 0 if (job := motion.following_job) is None else job.function,
         f"{prefix}WaitingFunctionState": lambda: motion.waiting_function,
-        f"{prefix}ActualCam": lambda: 0 if (job := motion.synchronous_job) is None else job.cam_number,
+        f"{prefix}ActualCam": lambda: 0 if (job := motion.following_job) is None else job.cam_number,
         f"{prefix}ActualMaster": shown.leader_number,
         f"{prefix}StatusWord": exceeded,
         f"{prefix}EffectiveLeadingValue.Position": lambda: (
@@ -223,7 +227,7 @@ def _synchronous(shown: Shown) -> Live:
         f"{prefix}SlaveScaling": lambda: 0.0 if (cam := curve()) is None else cam.slave_scaling,
         f"{prefix}Offset": lambda: (
             slave_offset()
-            + (0.0 if (one := motion.synchronous_job) is None or one.offset is None else one.offset.value)
+            + (0.0 if (one := motion.following_job) is None or one.offset is None else one.offset.value)
         ),
         f"{prefix}FunctionFollowingValue.Position": lambda: (
             0.0 if (one := coupling()) is None else one.s - slave_offset()

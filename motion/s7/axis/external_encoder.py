@@ -282,6 +282,11 @@ class ExternalEncoder(TechnologyObject):
 
     @property
     @override
+    def stands(self) -> bool:
+        return self.standstill
+
+    @property
+    @override
     def leading_modulo(self) -> Modulo:
         return self.modulo
 

@@ -68,6 +68,8 @@ ERROR_NOT_CONTROLLED: Final = 0x8071
 ERROR_HOMING: Final = 0x8074
 ERROR_NO_SYNCHRONOUS: Final = 0x8075
 """No synchronous job is active on the axis (SYN-330)."""
+ERROR_SIMULATED: Final = 0x8076
+"""The synchronous operation of the axis is simulated (SYN-331)."""
 ERROR_NO_GEAR: Final = 0x8077
 """No `MC_GearIn` or `MC_GearInPos` waits or is active (SYN-208)."""
 ERROR_NO_CAM: Final = 0x8078

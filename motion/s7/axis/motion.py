@@ -19,8 +19,11 @@ from motion.s7.axis.jobs import (
     ERROR_LOCKED,
     ERROR_NO_CAM,
     ERROR_NO_GEAR,
+    ERROR_NO_SYNCHRONOUS,
     ERROR_NOT_CONTROLLED,
+    ERROR_NOT_SYNCHRONOUS,
     ERROR_POSITION_CONTROL,
+    ERROR_SIMULATED,
     ERROR_STATE,
     ERROR_VELOCITY_GEARING,
     NO_ERROR,
@@ -135,6 +138,10 @@ class MotionControl:
         """Job that waits for the start of its synchronising (`MC_GearInPos`, `MC_CamIn`)."""
         self.leaving: Job | None = None
         """Job that waits for the start of its desynchronising (`MC_GearOut`, `MC_CamOut`)."""
+        self.simulated: Job | None = None
+        """Synchronous job in simulation: it goes on, and the axis does not follow it."""
+        self.simulation_owner: object | None = None
+        """Who simulates it."""
         self.shifts = ShiftJobs(name, history)
         """Job that shifts the leading or following value of the synchronous job in control."""
         self.additive = AdditiveValue()
@@ -146,6 +153,7 @@ class MotionControl:
         self.limits_assigned = False
         """A program has assigned variables since the last cycle; dynamic limits may be among them."""
         self._superimposed_before = 0.0
+        self._carried = 0.0
         self._planned_velocity = 0.0
         self._planned_limits = (0.0, 0.0, 0.0)
         self._ramp = (0.0, 0.0)
@@ -406,21 +414,13 @@ class MotionControl:
         if watched and leaving is not None and self._leaves(leaving, coupling, before, slopes, cycle_s):
             return
         offset = job.offset
+        if offset is not None or self.shifts.job is not None:
+            self._shift_values(job, coupling)
+        s = coupling.s + self._carried
         if offset is None:
-            gen.set_state(coupling.s, coupling.v, coupling.a)
+            gen.set_state(s, coupling.v, coupling.a)
         else:
-            leading = coupling.leading
-            offset.step(
-                leading.effective_position,
-                leading.effective_increment,
-                leading.effective_velocity,
-                leading.effective_acceleration,
-            )
-            gen.set_state(
-                coupling.s + offset.value, coupling.v + offset.velocity, coupling.a + offset.acceleration
-            )
-        if self.shifts.job is not None:
-            self.shifts.step()
+            gen.set_state(s + offset.value, coupling.v + offset.velocity, coupling.a + offset.acceleration)
         if coupling.synchronous and not job.synchronous:
             job.set_synchronous()
 
@@ -469,7 +469,7 @@ class MotionControl:
         total, gen = self._servo.total, self.gen
         shifted = job_offset(self.job)
         added = (
-            total.s - gen.s + shifted[0],
+            total.s - gen.s + shifted[0] + self._carried,
             total.v - gen.v + shifted[1],
             total.a - gen.a + shifted[2],
         )
@@ -501,6 +501,88 @@ class MotionControl:
         """The synchronous job in control, or None."""
         job = self.job
         return job if job is not None and job.coupling is not None else None
+
+    @property
+    def following_job(self) -> Job | None:
+        """The synchronous job in control, or the one in simulation; None without one."""
+        return self.synchronous_job if self.simulated is None else self.simulated
+
+    # -- simulated synchronous operation (SYN section 7.8)
+
+    def simulate(self, owner: object) -> int:
+        """Let the synchronous job go on without moving the axis, or return the ErrorID of what prevents it;
+        `owner` simulates it.
+        """
+        job = self.synchronous_job
+        if job is None:
+            return ERROR_NO_SYNCHRONOUS if self.entering is None else ERROR_NOT_SYNCHRONOUS
+        if not job.synchronous:
+            return ERROR_NOT_SYNCHRONOUS
+        self.job = None
+        self.simulated, self.simulation_owner = job, owner
+        self.gen.set_state(self.gen.s, 0.0)
+        if self._servo.superimposed is not None:
+            self._servo.superimposed.refresh()
+        self._next()
+        return NO_ERROR
+
+    def end_simulation(self) -> None:
+        """Let the axis follow the simulated job again, with a step where it is elsewhere; one that is not
+        enabled cannot, which ends the job (SYN-237, SYN-443).
+        """
+        job = self.simulated
+        if job is None:
+            return
+        accepts = self._states.state in ACCEPTS_MOTION and not (self.stopping or self._alarms.blocking)
+        if not accepts:
+            self.abort_simulated()
+            return
+        self._abort_motion()
+        self.simulated = self.simulation_owner = None
+        self._activate(job, resumed=True)
+
+    def abort_simulated(self) -> None:
+        """End the simulation and its job with `CommandAborted`."""
+        job = self._take_simulated()
+        if job is not None:
+            job.abort()
+
+    def _take_simulated(self) -> Job | None:
+        """End the simulation and what shifts its values; returns its job."""
+        job = self.simulated
+        if job is not None:
+            self.simulated = self.simulation_owner = None
+            if self.shifts.job is not None:
+                self.shifts.end()
+        return job
+
+    def step_simulation(self, cycle_s: float) -> None:
+        """Let the simulated job go on by one cycle."""
+        job = self.simulated
+        if job is None or job.coupling is None:
+            return
+        coupling = job.coupling
+        coupling.step(cycle_s, inf, self._planned_limits)
+        if not coupling.leading.valid:
+            self._alarms.raise_alarm(ALARM_LEADING_VALUE)
+            return
+        self._shift_values(job, coupling)
+        if coupling.ended:
+            self._take_simulated()
+            job.finish()
+
+    def _shift_values(self, job: Job, coupling: Coupling) -> None:
+        """Let the shifts of the following value go on, and what shifts a value."""
+        if job.offset is not None:
+            leading = coupling.leading
+            job.offset.step(
+                leading.effective_position,
+                leading.effective_increment,
+                leading.effective_velocity,
+                leading.effective_acceleration,
+            )
+        if self.shifts.job is not None:
+            self.shifts.step()
 
     @property
     def motion_in_state(self) -> int:
@@ -553,7 +635,7 @@ class MotionControl:
         servo.controller.shift(offset)
 
     def _shift_coupling(self, offset: float) -> None:
-        job = self.job
+        job = self.following_job
         if job is not None and job.coupling is not None:
             job.coupling.shift(offset)
 
@@ -565,14 +647,6 @@ class MotionControl:
         if job is not None and job.busy and job.relative:
             job.target += offset
         self.replan()
-
-    def shift(self, offset: float) -> None:
-        """Move the setpoint of the basic motion, and the target of its job, by `offset`, axis unit."""
-        self.gen.shift(offset)
-        self._shift_coupling(offset)
-        job = self.job
-        if job is not None and job.job_class is not _MOTION_IN:
-            job.target += offset
 
     @property
     def superimposed_distance(self) -> float:
@@ -611,6 +685,8 @@ class MotionControl:
         refusal = self.refuses(job)
         if refusal:
             return refusal
+        if job.coupling is not None and self.simulated is not None:
+            return ERROR_SIMULATED
         if job.job_class is JobClass.HOMING and active is not None and active.job_class in _POSITIONS_FOLLOW:
             return ERROR_FOLLOWS
         self._abort_waiting(job)
@@ -711,6 +787,8 @@ class MotionControl:
         state = self._states.state
         if state is AxisState.RESTARTING:
             return ERROR_STATE
+        if self.simulated is not None:
+            return ERROR_SIMULATED
         if self._alarms.blocking:
             return ERROR_ALARM
         return ERROR_LOCKED if state not in ACCEPTS_MOTION or self.stopping else NO_ERROR
@@ -858,7 +936,7 @@ class MotionControl:
 
     def _abort_basic(self) -> None:
         job = self.job
-        if self.shifts.job is not None:
+        if self.shifts.job is not None and self.simulated is None:
             self.shifts.end()
         if job is not None:
             self.job = None
@@ -880,6 +958,9 @@ class MotionControl:
                 moved.fail(error_id)
         if self.shifts.job is not None:
             self.shifts.end(error_id)
+        simulated = self._take_simulated()
+        if simulated is not None:
+            simulated.fail(error_id)
         job = self.job
         if job is not None and job.job_class is not JobClass.STOP:
             self.job = None
@@ -889,13 +970,15 @@ class MotionControl:
             for one in waiting:
                 one.fail(error_id)
 
-    def _activate(self, job: Job) -> None:
+    def _activate(self, job: Job, *, resumed: bool = False) -> None:
+        """Give `job` control; `resumed`: it is synchronous already."""
         gen = self.gen
         self.job = job
         self.severity = 0
         self._leave_target()
         self.control_position_of(job)
-        job.activate()
+        if not resumed:
+            job.activate()
         cls = job.job_class
         if cls is _MOTION_IN:
             job.distance = 0.0
@@ -907,7 +990,10 @@ class MotionControl:
         if job.coupling is not None:
             self._limits.velocity_limited = False
             self._plan_limits(job, gen.v)
-            job.coupling.begin(gen.s, gen.v, gen.a)
+            if resumed or not job.keeps_superimposed:
+                self._carried = self._superimposed_before = 0.0
+            if not resumed or job.coupling.by_velocity:
+                job.coupling.begin(gen.s - self._carried, gen.v, gen.a)
             self._states.enter(AxisState.MOTION)
         elif cls is JobClass.POSITIONING:
             if job.relative:
@@ -997,10 +1083,14 @@ class MotionControl:
             self.follow_limits()
         elif self._limits.velocity_limited and self._states.state is _MOTION and self.job is not None:
             self._repeat_warning()
-        if self.entering is not None:
+        if self.simulated is not None:
+            self.step_simulation(cycle_s)
+            if self.entering is not None and self.entering.entry is not None:
+                self.entering.entry.leading.step()  # it waits until the simulation has ended
+        elif self.entering is not None:
             self._enter_when_due(self.entering, cycle_s)
         job = self.job
-        if self.leaving is not None and (job is None or job.coupling is None):
+        if self.leaving is not None and self.simulated is None and (job is None or job.coupling is None):
             self.leaving.abort()  # there is nothing to leave any more
             self.leaving = None
         gen = self.gen
@@ -1199,12 +1289,15 @@ class MotionControl:
         distance = moving.part.s
         servo.total = self.gen
         servo.superimposed = None
-        self.shift(distance)
+        self.gen.shift(distance)
         self._superimposed_before += distance
-        if self.job is not None and self.job.job_class is _MOTION_IN:
-            self.job.distance += (
-                distance  # positions from outside continue to be counted from where they were
-            )
+        basic = self.job
+        if basic is not None and basic.coupling is not None:
+            self._carried += distance  # beside the function, not in it (SYN-488)
+        elif basic is not None and basic.job_class is _MOTION_IN:
+            basic.distance += distance  # positions from outside continue to be counted from where they were
+        elif basic is not None:
+            basic.target += distance
         job, self.superimposed_job = self.superimposed_job, None
         if job is not None and error_id:
             job.fail(error_id)

@@ -250,6 +250,11 @@ class TechnologyObject(ABC):
         """Modulo range of its positions."""
         return NO_MODULO
 
+    @property
+    def stands(self) -> bool:
+        """Whether it has no motion (`StatusWord.X7`)."""
+        return True
+
     def leading_by(self, coupling: str) -> Callable[[], Value]:
         """Return what gives the value of each cycle to a follower with this type of coupling, one of
         `SETPOINT`, `ACTUAL` and `DELAYED` (SYN-020).

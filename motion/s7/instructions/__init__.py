@@ -26,6 +26,7 @@ from motion.s7.instructions.shifts import (
     MC_PhasingAbsolute,
     MC_PhasingRelative,
 )
+from motion.s7.instructions.simulation import MC_SynchronizedMotionSimulation
 from motion.s7.instructions.stop import MC_Halt, MC_Stop
 from motion.s7.instructions.superimposed import MC_HaltSuperimposed, MC_MoveSuperimposed
 from motion.s7.instructions.sync_out import MC_CamOut, MC_GearOut
@@ -68,6 +69,7 @@ __all__ = [
     "MC_SetAxisSTW",
     "MC_SetSensor",
     "MC_Stop",
+    "MC_SynchronizedMotionSimulation",
     "MC_TorqueAdditive",
     "MC_TorqueLimiting",
     "MC_TorqueRange",

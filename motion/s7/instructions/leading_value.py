@@ -25,8 +25,9 @@ class MC_LeadingValueAdditive(EnableInstruction):
     over with every call and neither limited nor compared with each other (SYN-222, SYN-032). Output: `Busy`,
     it is added.
 
-    It needs an enabled axis (16#800F) and acts on all synchronous jobs from then on. A second instance ends
-    the first; disabling and restart end it, no other job does. Its end is a step of the leading value.
+    It needs an enabled axis, or one whose synchronous operation is simulated (16#800F), and acts on all
+    synchronous jobs from then on. A second instance ends the first; disabling and restart end it, no other
+    job does. Its end is a step of the leading value.
     """
 
     instruction = "MC_LeadingValueAdditive"
@@ -40,7 +41,8 @@ class MC_LeadingValueAdditive(EnableInstruction):
 
     @property
     def _permitted(self) -> bool:
-        return self.axis.states.facts.enabled
+        axis = self.axis
+        return axis.states.facts.enabled or axis.motion.simulated is not None
 
     def _begin(self) -> int:
         if self.axis.state is AxisState.RESTARTING:

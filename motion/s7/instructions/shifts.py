@@ -20,6 +20,7 @@ from motion.s7.axis.jobs import (
     ERROR_PHASING_DISTANCE,
     ERROR_PROFILE,
     ERROR_REFERENCE,
+    ERROR_SIMULATED,
     ERROR_START_POSITION,
     ERROR_STATE,
     ERROR_VELOCITY_GEARING,
@@ -80,6 +81,8 @@ class _ShiftInstruction(ExecuteInstruction):
         motion = self.axis.motion
         if self.axis.state is AxisState.RESTARTING:
             return ERROR_STATE
+        if motion.simulated is not None:
+            return ERROR_SIMULATED
         sync = motion.synchronous_job
         if sync is None:
             return ERROR_NO_SYNCHRONOUS

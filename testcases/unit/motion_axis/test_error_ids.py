@@ -203,6 +203,7 @@ ELSEWHERE = {
         ),
         "testcases/unit/motion_axis/test_shifts.py",
     ),
+    0x8076: "testcases/unit/motion_axis/test_synchronous_simulation.py",
     0x8012: "testcases/unit/motion_axis/test_control_panel.py",
     0x8013: "testcases/unit/motion_axis/test_control_panel.py",
     0x8046: "testcases/unit/hil/test_torque_instructions.py",

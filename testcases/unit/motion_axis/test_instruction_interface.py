@@ -204,6 +204,7 @@ INPUTS = [
     ("MC_LeadingValueAdditive", "SYN-216", "Position", 0.0),
     ("MC_LeadingValueAdditive", "SYN-217", "Velocity", 0.0),
     ("MC_LeadingValueAdditive", "SYN-218", "Acceleration", 0.0),
+    ("MC_SynchronizedMotionSimulation", "SYN-230", "Enable", False),
 ]
 
 # instruction, identifiers, outputs other than Error and ErrorID, which all have
@@ -251,6 +252,7 @@ OUTPUTS = {
     "MC_OffsetAbsolute": (["SYN-193"], ["StartOffset", "AbsoluteOffset", "Done", "Busy", "CommandAborted"]),
     "MC_OffsetRelative": (["SYN-193"], ["StartOffset", "CoveredOffset", "Done", "Busy", "CommandAborted"]),
     "MC_LeadingValueAdditive": (["SYN-219"], ["Busy"]),
+    "MC_SynchronizedMotionSimulation": (["SYN-231"], ["InSimulation", "Busy"]),
 }
 
 

@@ -47,12 +47,14 @@ SUPPORT = [
     ((), "MC_OffsetAbsolute", "Y"),
     ((), "MC_OffsetRelative", "Y"),
     ((), "MC_LeadingValueAdditive", "Y"),
+    ((), "MC_SynchronizedMotionSimulation", "Y"),
 ]
 START = {
     "MC_Power": "Enable",
     "MC_MoveJog": "JogForward",
     "MC_TorqueAdditive": "Enable",
     "MC_LeadingValueAdditive": "Enable",
+    "MC_SynchronizedMotionSimulation": "Enable",
     "MC_TorqueRange": "Enable",
     "MC_TorqueLimiting": "Enable",
     "MC_MotionInVelocity": "Enable",

@@ -6,13 +6,13 @@ from itertools import pairwise
 from math import nan
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from motion.kernel.synchronous import ShiftOverDistance
 from testcases.unit.motion_axis.conftest import CYCLE
 from testcases.unit.motion_axis.override_cells import cam_of
-from testcases.unit.motion_axis.test_gear_in import gear, in_gear, places
+from testcases.unit.motion_axis.test_gear_in import SYNCHRONOUS, gear, in_gear, places
 from testcases.unit.motion_axis.test_gear_in_pos import standing
 
 DYNAMICS = {"Velocity": 50.0, "Acceleration": 1000.0, "Deceleration": 1000.0, "Jerk": 0.0}
@@ -259,25 +259,115 @@ def test_when_nothing_can_be_shifted():
         rig.until(first.ended)
 
 
-@pytest.mark.requirement("SYN-030")
-def test_the_chain_from_leading_to_following_value():
-    """Ratio 2:1, additive 3, phase 5, offset 7, superimposed 2: only what is before the function is
-    multiplied.
+@pytest.mark.requirement("SYN-029", "SYN-030", "SYN-040", "SYN-384", "SYN-033")
+@pytest.mark.parametrize("ratio", [1, 2])
+def test_the_chain_from_leading_to_following_value(ratio):
+    """Additive 3, phase 5, offset 7, superimposed 2: only what is before the function is multiplied; the
+    leading axis sees nothing of it, while its own superimposed motion goes through the function.
     """
-    rig = in_gear(0.0, 2, 1)
+    rig = in_gear(0.0, ratio, 1)
     x, y = places(rig)
     rig.axis.leading_value_additive(3.0)
     rig.cycles(3)
     rig.until(rig.axis.phasing_absolute(5.0, **DYNAMICS).done)
     offset = rig.axis.offset_absolute(7.0, 100.0)
-    rig.until(rig.leader.move_relative(100.0).done, timeout=10.0)
+    rig.until(rig.leader.move_relative(98.0).done, timeout=10.0)
+    rig.until(rig.leader.move_superimposed(2.0).done)
     assert offset.Done
     rig.until(rig.axis.move_superimposed(2.0).done)
     rig.cycles(2)
+    assert rig.leader.var("Position") - x == pytest.approx(100.0)
     assert tag(rig, "EffectiveLeadingValue.Position") - x == pytest.approx(103.0)
     assert tag(rig, "FunctionLeadingValue.Position") - x == pytest.approx(108.0)
     assert (tag(rig, "PhaseShift"), tag(rig, "Offset")) == (5.0, 7.0)
-    assert rig.axis.var("Position") - y == pytest.approx(225.0)
+    assert tag(rig, "FunctionFollowingValue.Position") - y == pytest.approx(108.0 * ratio)
+    assert rig.axis.var("Position") - y == pytest.approx(108.0 * ratio + 9.0)
+    assert rig.axis.var("StatusPositioning.SuperimposedDistance") == pytest.approx(2.0)
+
+
+@pytest.mark.requirement("CAM-136", "SYN-189", "SYN-431")
+def test_the_next_cam_takes_shifts_over_without_a_step():
+    """Phase 6 and offset 7 of a cam: with profile 5 the next one begins where the end of the shifted cam is,
+    shifts are 0, and the setpoint goes on evenly.
+    """
+    rig = standing()
+    cam = cam_of(rig, ((0.0, 0.0), (100.0, 100.0)))
+    job = rig.axis.cam_in(
+        rig.leader, cam, MasterStartDistance=10.0, MasterSyncPosition=15.0, ApplicationMode=2
+    )
+    rig.leader.move_velocity(50.0)
+    rig.until(job.in_sync)
+    rig.until(rig.axis.phasing_relative(6.0, ProfileReference=1, PhasingDistance=10.0).done)
+    rig.until(rig.axis.offset_relative(7.0, 10.0).done)
+    following = rig.axis.cam_in(rig.leader, cam, SyncProfileReference=5, ApplicationMode=2)
+    places_ = []
+    rig.runtime.after_cycle.append(lambda: places_.append(places(rig)[1]))
+    rig.until(following.in_sync)
+    assert places(rig)[0] == pytest.approx(94.0, abs=0.3)
+    assert (job.CommandAborted, tag(rig, "PhaseShift"), tag(rig, "Offset")) == (
+        True,
+        0.0,
+        pytest.approx(107.0),
+    )
+    rig.run(0.3)
+    assert [b - a for a, b in pairwise(places_)] == pytest.approx([50.0 * CYCLE] * (len(places_) - 1))
+
+
+@pytest.mark.exhaustive
+@pytest.mark.requirement("SYN-488", "SYN-383")
+@settings(max_examples=6)
+@given(
+    st.lists(
+        st.tuples(st.sampled_from(("phase", "offset", "superimpose", "lead", "cam")), st.floats(-8.0, 8.0)),
+        min_size=3,
+        max_size=8,
+    )
+)
+def test_what_the_setpoint_consists_of(jobs):
+    """Any sequence of jobs in camming: in every cycle function, offset and superimposed distance are the
+    setpoint.
+    """
+    rig = standing()
+    cam = cam_of(
+        rig,
+        ((0.0, 0.0), (90.0, 60.0), (180.0, 20.0), (360.0, 0.0)),
+        **{"InterpolationSettings.InterpolationMode": 1},
+    )
+    job = rig.axis.cam_in(
+        rig.leader,
+        cam,
+        MasterStartDistance=30.0,
+        MasterSyncPosition=40.0,
+        SlaveOffset=20.0,
+        ApplicationMode=1,
+    )
+    rig.leader.move_velocity(100.0)
+    rig.until(job.in_sync)
+    seen = []
+
+    def sample():
+        if rig.axis.var("StatusWord") & SYNCHRONOUS:
+            parts = tag(rig, "FunctionFollowingValue.Position") + tag(rig, "Offset")
+            parts += rig.axis.var("StatusPositioning.SuperimposedDistance")
+            seen.append(parts - rig.axis.var("Position"))
+
+    rig.runtime.after_cycle.append(sample)
+    for kind, value in jobs:
+        if kind == "phase":
+            rig.axis.phasing_relative(value, ProfileReference=1, PhasingDistance=30.0)
+        elif kind == "offset":
+            rig.axis.offset_relative(value, 20.0)
+        elif kind == "superimpose":
+            rig.axis.move_superimposed(value)
+        elif kind == "lead":
+            rig.leader.move_velocity(100.0 + 5.0 * value)
+        else:
+            rig.axis.cam_in(
+                rig.leader, cam, SyncProfileReference=5, ApplicationMode=1, SlaveScaling=1.0 + 0.1 * value
+            )
+        rig.run(0.35)
+    assert len(seen) > 150
+    assert max(map(abs, seen)) < 1e-9
 
 
 @pytest.mark.requirement("SYN-222", "SYN-227", "SYN-046", "SYN-219")
