@@ -594,6 +594,10 @@ def fuzz(
             "--configurations", help="Change the bench file too: units, cycles, dynamics, drive, ..."
         ),
     ] = False,
+    axes: Annotated[
+        int,
+        typer.Option("--axes", min=1, help="Axes that get instructions, gears and cams among them."),
+    ] = 1,
     jobs: JobsOption = "1",
     corpus: Annotated[
         Path | None,
@@ -613,6 +617,7 @@ def fuzz(
             bench=bench,
             steps=steps,
             configurations=configurations,
+            axes=axes,
             jobs=parse_jobs(jobs),
             corpus=corpus,
             report=report,

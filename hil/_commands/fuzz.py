@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Final
 
 from hil._commands.run import finish
 from hil._commands.terminal import CaseProgress, console, print_json, quiet_stdout
@@ -15,6 +16,9 @@ from reports import replay_command
 from reports.model import RunResult
 from reports.store import RUN_FILE, save_run
 
+SEVERAL_AXES: Final = "synchronous"
+"""Bench of programs for several axes, where none is given."""
+
 
 def fuzz_bench(
     *,
@@ -23,12 +27,15 @@ def fuzz_bench(
     bench: str,
     steps: int,
     configurations: bool,
+    axes: int,
     jobs: int,
     corpus: Path | None,
     report: Path,
     as_json: bool,
 ) -> int:
     """Search, tell, return the exit code: 1 when an invariant was broken."""
+    if axes > 1 and not bench:
+        bench = SEVERAL_AXES
     with quiet_stdout(as_json):
         bench_file = load_bench_file(bench or None)
         kept = None if corpus is None else Corpus(corpus)
@@ -44,6 +51,7 @@ def fuzz_bench(
                 seed=seed,
                 longest=steps,
                 configurations=configurations,
+                axes=axes,
                 bench=bench,
                 jobs=jobs,
                 on_run=on_run,

@@ -25,6 +25,7 @@ EMBEDDED: Final = (
     "profidrive_rtu",
     "analog",
     "stepper",
+    "synchronous",
 )
 """Benches that ship with the product, usable by name."""
 _ANCHORED: Final = {

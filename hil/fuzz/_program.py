@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import ConfigurationError
 from hil.bench.units import MILLIMETRES, UnitScale
+from hil.errors import CannotRunError
 from hil.faults import Fault, Parameter
 from hil.fuzz._configuration import Configuration
 from reports.json_types import JsonObject
 
 if TYPE_CHECKING:
     from fieldbus.history import Scalar
+    from hil.bench.bench import Bench
 
 _HOW: Final = (
     Parameter(
@@ -23,6 +25,24 @@ _HOW: Final = (
     ),
     Parameter("buffer", "int", "BufferMode", minimum=0, maximum=1, default=0),
 )
+_LEADER: Final = (
+    Parameter("leader", "text", "Leading object: an axis or an external encoder, by name", required=True),
+)
+_RATIO: Final = (
+    Parameter("numerator", "int", "RatioNumerator", minimum=-1000, maximum=1000, default=1),
+    Parameter("denominator", "int", "RatioDenominator", minimum=1, maximum=1000, default=1),
+)
+_DISTANCE: Final = Parameter("distance", "float", "Way of the leading value", "mm", 0.001, 1e6, default=20.0)
+_STOP_POSITION: Final = Parameter("position", "float", "Stop position", "mm", -1e6, 1e6, required=True)
+
+
+def _profile(known: tuple[int, ...]) -> Parameter:
+    words = ", ".join(map(str, known))
+    return Parameter(
+        "profile", "int", f"SyncProfileReference: {words}", minimum=0, maximum=max(known), default=1
+    )
+
+
 JOBS: Final[dict[str, tuple[Parameter, ...]]] = {
     "power_on": (),
     "power_off": (Parameter("stop_mode", "int", "StopMode", minimum=0, maximum=3, default=0),),
@@ -70,8 +90,41 @@ JOBS: Final[dict[str, tuple[Parameter, ...]]] = {
     "stop": (Parameter("mode", "int", "Mode", minimum=0, maximum=3, default=0),),
     "stop_release": (),
     "remove_faults": (),
+    "gear_in": (*_LEADER, *_RATIO),
+    "gear_in_velocity": (*_LEADER, *_RATIO),
+    "gear_in_pos": (
+        *_LEADER,
+        *_RATIO,
+        Parameter(
+            "master", "float", "Leading position that belongs to `slave`", "mm", -1e6, 1e6, default=0.0
+        ),
+        Parameter("slave", "float", "Following position", "mm", -1e6, 1e6, default=0.0),
+        _profile((0, 1, 3, 4)),
+        _DISTANCE,
+    ),
+    "gear_out": (_STOP_POSITION, _profile((0, 1)), _DISTANCE),
+    "cam_in": (
+        *_LEADER,
+        Parameter("cam", "text", "Name of the cam", required=True),
+        Parameter("mode", "int", "ApplicationMode", minimum=0, maximum=2, default=1),
+        _profile((0, 1, 2, 3, 4, 5, 6)),
+        _DISTANCE,
+    ),
+    "cam_out": (_STOP_POSITION, _profile((0, 1)), _DISTANCE),
+    "interpolate": (Parameter("cam", "text", "Name of the cam", required=True),),
+    "phasing": (Parameter("shift", "float", "PhaseShift, relative", "mm", -1e6, 1e6, required=True),),
+    "offset": (
+        Parameter("offset", "float", "Offset, relative", "mm", -1e6, 1e6, required=True),
+        _DISTANCE,
+    ),
+    "leading_value_additive": (
+        Parameter("position", "float", "Added to the leading value", "mm", -1e6, 1e6, required=True),
+    ),
+    "additive_release": (),
 }
 """Instructions of a program, with their parameters."""
+SYNCHRONOUS: Final = tuple(JOBS)[tuple(JOBS).index("gear_in") :]
+"""Those of an axis that follows others."""
 
 _NEEDS: Final = {
     "move_superimposed": "move_superimposed",
@@ -86,13 +139,55 @@ _NEEDS: Final = {
 
 
 def job_names(axis: object) -> tuple[str, ...]:
-    """Return the instructions that an axis can be given, in the order of `JOBS`.
+    """Return the instructions that an axis can be given by itself, in the order of `JOBS`.
 
     Args:
         axis: Handle of the axis, `bench.axis()`.
 
     """
-    return tuple(job for job in JOBS if job not in _NEEDS or hasattr(axis, _NEEDS[job]))
+    return tuple(
+        job for job in JOBS if job not in SYNCHRONOUS and (job not in _NEEDS or hasattr(axis, _NEEDS[job]))
+    )
+
+
+@dataclass(frozen=True)
+class Participant:
+    """An axis of a bench whose programs give instructions to several."""
+
+    axis: str
+    drive: str
+    jobs: tuple[str, ...]
+    """What it can be given by itself, as of `job_names`."""
+    leaders: tuple[str, ...] = ()
+    """What it may follow."""
+    cams: tuple[str, ...] = ()
+    """Cams that it may follow them by."""
+
+
+def participants(bench: Bench, count: int) -> tuple[Participant, ...]:
+    """Return the first `count` axes of a bench.
+
+    Raises:
+        CannotRunError: The bench has fewer.
+
+    """
+    names = bench.axis_names
+    if not 1 <= count <= len(names):
+        raise CannotRunError(f"{count} axes are not possible: the bench has {len(names)}: {', '.join(names)}")
+    found = []
+    for name in names[:count]:
+        axis = bench.axis(name)
+        leaders = tuple(one.name for one in getattr(axis.object, "leading_objects", ()))
+        found.append(
+            Participant(
+                name,
+                bench.drive_of(name),
+                job_names(axis),
+                leaders,
+                tuple(bench.cam_names) if leaders else (),
+            )
+        )
+    return tuple(found)
 
 
 LONGEST_WAIT_S: Final = 60.0
@@ -105,6 +200,8 @@ class Do:
 
     job: str
     parameters: Mapping[str, Scalar] = field(default_factory=dict)
+    axis: str = ""
+    """Name of the axis; empty: the first one."""
 
     def __post_init__(self) -> None:
         known = JOBS.get(self.job)
@@ -132,16 +229,23 @@ class Do:
         factor = scale.of(parameter.unit)
         return value if factor == 1.0 else value * factor
 
+    def text(self, name: str) -> str:
+        """Return a parameter that is a name."""
+        return str(self.parameters[name])
+
     def to_json(self) -> JsonObject:
         """Return the step as JSON values."""
-        return {"do": self.job, **self.parameters}
+        where: JsonObject = {"axis": self.axis} if self.axis else {}
+        return {"do": self.job, **where, **self.parameters}
 
     def __str__(self) -> str:
         units = {parameter.name: parameter.unit for parameter in JOBS[self.job]}
         details = ", ".join(
-            f"{name} = {value:g} {units[name]}".rstrip() for name, value in self.parameters.items()
+            f"{name} = {value if isinstance(value, str) else f'{value:g}'} {units[name]}".rstrip()
+            for name, value in self.parameters.items()
         )
-        return f"{self.job} {details}".rstrip()
+        where = f"{self.axis}: " if self.axis else ""
+        return f"{where}{self.job} {details}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -196,7 +300,11 @@ def step_from_json(content: object, where: str = "step") -> Step:
             raise ConfigurationError(f"{where}.wait", seconds, "a number of seconds")
         return Wait(float(seconds))
     if isinstance(content.get("do"), str):
-        return Do(content["do"], {key: value for key, value in content.items() if key != "do"})
+        axis = content.get("axis", "")
+        if not isinstance(axis, str):
+            raise ConfigurationError(f"{where}.axis", axis, "the name of an axis")
+        given = {key: value for key, value in content.items() if key not in ("do", "axis")}
+        return Do(content["do"], given, axis)
     raise ConfigurationError(where, dict(content), "an object with do, wait or fault")
 
 

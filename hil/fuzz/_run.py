@@ -66,16 +66,25 @@ class FuzzOutcome:
 
 
 class _Hands:
-    """Gives the instructions of a program; keeps the instances that are released later."""
+    """Gives the instructions of a program to one axis; keeps the instances that are released later.
+
+    Args:
+        bench: Of the axis, for what it follows.
+        axis: The axis.
+        watch: Looks at the outputs of the instances; None: nobody does.
+
+    """
 
     _RELEASES: Final = {
         "jog_release": ("jog", {"JogForward": False, "JogBackward": False}),
         "stop_release": ("stop", {"Execute": False}),
         "motion_in_release": ("motion_in_velocity", {"Enable": False}),
         "torque_release": ("torque_limiting", {"Enable": False}),
+        "additive_release": ("leading_value_additive", {"Enable": False}),
     }
 
-    def __init__(self, axis: AxisHandle, watch: OneJobOutput | None) -> None:
+    def __init__(self, bench: Bench, axis: AxisHandle, watch: OneJobOutput | None) -> None:
+        self._bench = bench
         self._axis = axis
         self._watch = watch
         self._held: dict[str, Instruction] = {}
@@ -129,11 +138,65 @@ class _Hands:
                 job = axis.jog(value("velocity"), backward=bool(value("backward")))
             case "halt":
                 job = axis.halt()
-            case _:
+            case "stop":
                 job = axis.stop(whole("mode"))
+            case _:
+                job = self._synchronous(step)
         self._held[step.job] = job
         if self._watch is not None:
             self._watch.jobs.append(job)
+
+    def _synchronous(self, step: Do) -> Instruction:
+        axis, bench, scale = self._axis, self._bench, self._scale
+
+        def value(name: str) -> float:
+            return step.value(name, scale)
+
+        def whole(name: str) -> int:
+            return int(step.value(name, scale))
+
+        def leader() -> Any:
+            name = step.text("leader")
+            return bench.axis(name) if name in bench.axis_names else bench.external_encoder(name)
+
+        match step.job:
+            case "gear_in":
+                return axis.gear_in(leader(), whole("numerator"), whole("denominator"))
+            case "gear_in_velocity":
+                return axis.gear_in_velocity(leader(), whole("numerator"), whole("denominator"))
+            case "gear_in_pos":
+                return axis.gear_in_pos(
+                    leader(),
+                    value("master"),
+                    value("slave"),
+                    whole("numerator"),
+                    whole("denominator"),
+                    SyncProfileReference=whole("profile"),
+                    MasterStartDistance=value("distance"),
+                )
+            case "cam_in":
+                return axis.cam_in(
+                    leader(),
+                    bench.cam(step.text("cam")),
+                    ApplicationMode=whole("mode"),
+                    SyncProfileReference=whole("profile"),
+                    MasterStartDistance=value("distance"),
+                )
+            case "gear_out" | "cam_out":
+                leave = axis.gear_out if step.job == "gear_out" else axis.cam_out
+                return leave(
+                    value("position"),
+                    SyncProfileReference=whole("profile"),
+                    MasterStopDistance=value("distance"),
+                )
+            case "interpolate":
+                return bench.cam(step.text("cam")).interpolate()
+            case "phasing":
+                return axis.phasing_relative(value("shift"))
+            case "offset":
+                return axis.offset_relative(value("offset"), value("distance"))
+            case _:
+                return axis.leading_value_additive(value("position"))
 
 
 def run_program(
@@ -213,12 +276,11 @@ def _run_in(
     """Run a program on the bench of a context; returns the first broken invariant and the steps left out."""
     skipped: list[str] = []
     _install(context.bench, watched)
-    hands = _Hands(
-        context.bench.axis(), next((one for one in watched if isinstance(one, OneJobOutput)), None)
-    )
+    watch = next((one for one in watched if isinstance(one, OneJobOutput)), None)
+    hands: dict[str, _Hands] = {}
     try:
         for step in program.steps:
-            _perform(step, context, hands, skipped)
+            _perform(step, context, hands, watch, skipped)
         context.run_for(SETTLE_S)
         horizon_s = undecided_until(context.trace())
         if horizon_s > context.now_s:
@@ -256,7 +318,13 @@ def _of_first_axis(fault: Fault, bench: Any) -> Fault:
     return replace(fault, target=bench.drive_of(axis.name)) if hasattr(bench, "drive_of") else fault
 
 
-def _perform(step: Step, context: CaseContext, hands: _Hands, skipped: list[str]) -> None:
+def _perform(
+    step: Step,
+    context: CaseContext,
+    hands: dict[str, _Hands],
+    watch: OneJobOutput | None,
+    skipped: list[str],
+) -> None:
     if isinstance(step, Wait):
         context.run_for(step.seconds)
         return
@@ -271,7 +339,10 @@ def _perform(step: Step, context: CaseContext, hands: _Hands, skipped: list[str]
         context.faults.remove_all()
     else:
         try:
-            hands.do(step)
+            if step.axis not in hands:
+                bench = context.bench
+                hands[step.axis] = _Hands(bench, bench.axis(step.axis or None), watch)
+            hands[step.axis].do(step)
         except ConfigurationError as error:
             _skip(step, error, context, skipped)
     context.run_for(STEP_S)

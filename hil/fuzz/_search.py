@@ -22,10 +22,18 @@ from hil.errors import CannotRunError
 from hil.fuzz._configuration import bench_file_of
 from hil.fuzz._configuration_strategies import configurations
 from hil.fuzz._invariants import Violation, default_invariants
-from hil.fuzz._program import Program, job_names
+from hil.fuzz._program import Participant, Program, job_names, participants
 from hil.fuzz._run import FuzzOutcome, InvariantFactory, program_token, run_program
 from hil.fuzz._situations import Situation, configured, situations_of
-from hil.fuzz._strategies import PREAMBLE, UNCHANGED, descendants, fault_kinds, programs, steps
+from hil.fuzz._strategies import (
+    PREAMBLE,
+    UNCHANGED,
+    descendants,
+    fault_kinds,
+    preamble_of,
+    programs,
+    steps,
+)
 from reports.model import Verdict
 
 if TYPE_CHECKING:
@@ -76,6 +84,7 @@ class _Round:
     configurations: bool
     kinds: tuple[str, ...]
     jobs: tuple[str, ...]
+    axes: tuple[Participant, ...]
     identifiers: dict[str, int]
     parents: tuple[Program, ...]
 
@@ -107,6 +116,7 @@ def search(
     seed: int = 0,
     longest: int = 12,
     configurations: bool = False,
+    axes: int = 1,
     bench: str = "",
     invariants: InvariantFactory = default_invariants,
     jobs: int = 1,
@@ -127,6 +137,8 @@ def search(
         seed: Seed of the search and of the benches.
         longest: Greatest number of steps after the preamble.
         configurations: Whether the programs change the bench file as well.
+        axes: Number of axes that the programs give instructions to, the first ones of the bench; more than
+            one of them may follow each other.
         bench: Reference of the bench, for the token and for other processes.
         invariants: Makes the invariants for a bench; with `jobs` > 1 a function
             that other processes can import.
@@ -137,7 +149,7 @@ def search(
 
     Raises:
         CannotRunError: `jobs` < 1, or `jobs` > 1 and no reference of the bench, or configurations of a
-            bench without a file.
+            bench without a file, or more axes than the bench has.
 
     """
     if jobs < 1:
@@ -156,6 +168,7 @@ def search(
             configurations,
             tuple(fault_kinds(sample)),
             job_names(sample.axis()),
+            participants(sample, axes) if axes != 1 else (),
             _identifiers(sample),
             (),
         )
@@ -308,11 +321,16 @@ def _do(
     attempt = _Attempt(bench_file, order.bench_seed, invariants, count)
     changes = configurations(bench_file_of(bench_file).config) if order.configurations else UNCHANGED
     strategy = programs(
-        order.kinds, order.identifiers, jobs=order.jobs, longest=order.longest, configurations=changes
+        order.kinds,
+        order.identifiers,
+        jobs=order.jobs,
+        axes=order.axes,
+        longest=order.longest,
+        configurations=changes,
     )
     if order.parents:
-        step = steps(order.kinds, order.identifiers, order.jobs)
-        longest = order.longest + len(PREAMBLE)
+        step = steps(order.kinds, order.identifiers, order.jobs, order.axes)
+        longest = order.longest + len(preamble_of(order.axes) if order.axes else PREAMBLE)
         others = changes if order.configurations else None
         strategy = st.one_of(
             strategy, descendants(order.parents, step, longest=longest, configurations=others)

@@ -35,8 +35,8 @@ def situations_of(trace: Trace) -> frozenset[Situation]:
     pending: set[str] = set()
     fault = "no fault"
 
-    def here() -> str:
-        return next(iter(states.values()), "DISABLED")
+    def here(axis: str = "") -> str:
+        return states[axis] if axis in states else next(iter(states.values()), "DISABLED")
 
     for event in trace.events:
         data = event.data
@@ -47,16 +47,16 @@ def situations_of(trace: Trace) -> frozenset[Situation]:
             case "drive.state":
                 reached.add(("drive", str(data["from"]), str(data["to"])))
             case "job.started":
-                reached.add(("job", str(data["instruction"]), here()))
+                reached.add(("job", str(data["instruction"]), here(event.source)))
             case "job.error":
                 text = f"16#{int(str(data['error_id'])):04X}"
-                reached.add(("refused", str(data["instruction"]), text, here()))
+                reached.add(("refused", str(data["instruction"]), text, here(event.source)))
             case "fault.applied":
                 fault = str(data["fault"])
                 reached.add(("fault", fault, here()))
             case "alarm.raised":
                 number = str(data["number"])
-                reached.add(("alarm", number, str(data["reaction"]), here(), fault))
+                reached.add(("alarm", number, str(data["reaction"]), here(event.source), fault))
                 reached.update(("together", number, other) for other in pending if other != number)
                 pending.add(number)
             case "alarm.cleared":

@@ -5,6 +5,7 @@ that a shrunk program reads well.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from hypothesis import strategies as st
@@ -14,7 +15,7 @@ from hil.faults import CATALOGUE, Fault
 from hil.faults._kind import environment
 from hil.faults.seams import missing
 from hil.fuzz._configuration import Configuration
-from hil.fuzz._program import JOBS, Break, Do, Program, Step, Wait
+from hil.fuzz._program import JOBS, SYNCHRONOUS, Break, Do, Participant, Program, Step, Wait
 from hil.fuzz._telegram_strategies import TELEGRAM_KINDS, telegram_fault
 
 if TYPE_CHECKING:
@@ -29,6 +30,10 @@ _FOREIGN_CONTROL: Final = ("rpdo", "sdo_rx", "nmt", "controller")
 UNCHANGED: Final = st.just(Configuration())
 """The bench as its file describes it."""
 PREAMBLE: Final[tuple[Step, ...]] = (Do("power_on"), Wait(0.3))
+OWN_JOBS: Final = tuple(job for job in JOBS if job not in SYNCHRONOUS)
+"""Instructions of an axis by itself."""
+OF_DRIVE: Final = frozenset({"drive", "switch", "mechanics", "encoder"})
+"""Targets of faults that belong to a drive."""
 
 
 def _grid(low: int, high: int, step: float) -> SearchStrategy[float]:
@@ -67,6 +72,76 @@ def _jobs(names: Sequence[str]) -> SearchStrategy[Step]:
         "stop": {"mode": st.sampled_from([0, 2, 3])},
     }
     return st.one_of([_job(name, **known.get(name, {})) for name in names])
+
+
+def _synchronous(leaders: Sequence[str], cams: Sequence[str]) -> SearchStrategy[Step]:
+    """Return instructions of an axis that may follow others."""
+    leader = {"leader": st.sampled_from(list(leaders))}
+    ratio = {"numerator": st.sampled_from([1, 1, 2, 3, -1, -3]), "denominator": st.sampled_from([1, 2, 4])}
+    position, distance = _grid(-20, 20, 10.0), _grid(1, 20, 5.0)
+    known: dict[str, dict[str, SearchStrategy[Scalar]]] = {
+        "gear_in": {**leader, **ratio},
+        "gear_in_velocity": {**leader, **ratio},
+        "gear_in_pos": {
+            **leader,
+            **ratio,
+            "master": position,
+            "slave": position,
+            "profile": st.sampled_from([0, 1, 3, 4]),
+            "distance": distance,
+        },
+        "gear_out": {"position": position, "profile": st.integers(0, 1), "distance": distance},
+        "cam_out": {"position": position, "profile": st.integers(0, 1), "distance": distance},
+        "phasing": {"shift": position},
+        "offset": {"offset": position, "distance": distance},
+        "leading_value_additive": {"position": position},
+        "additive_release": {},
+    }
+    if cams:
+        cam: dict[str, SearchStrategy[Scalar]] = {"cam": st.sampled_from(list(cams))}
+        known["interpolate"] = cam
+        known["cam_in"] = {
+            **leader,
+            **cam,
+            "mode": st.integers(0, 2),
+            "profile": st.integers(0, 6),
+            "distance": distance,
+        }
+    return st.one_of([_job(name, **known[name]) for name in SYNCHRONOUS if name in known])
+
+
+def _whole(strategy: SearchStrategy[Step]) -> SearchStrategy[Step]:
+    """Return a strategy that counts as one choice in `one_of`, whatever it chooses from itself; a mapped one
+    counts as all of its own.
+    """
+    return st.tuples(strategy).map(lambda drawn: drawn[0])
+
+
+def _of_axis(one: Participant) -> SearchStrategy[Step]:
+    """Return instructions of one of several axes; of one that may follow others half of them belong to
+    that.
+    """
+    own = _whole(_jobs(one.jobs))
+    jobs = st.one_of(own, _whole(_synchronous(one.leaders, one.cams))) if one.leaders else own
+    return _whole(jobs).map(lambda step: replace(step, axis=one.axis) if isinstance(step, Do) else step)
+
+
+def _aimed(step: Step, one: Participant) -> Step:
+    """Return a fault of an axis or its drive as one of this axis."""
+    if not isinstance(step, Break) or step.fault.target:
+        return step
+    target = {"axis": one.axis, **dict.fromkeys(OF_DRIVE, one.drive)}.get(step.fault.entry.target, "")
+    return Break(replace(step.fault, target=target)) if target else step
+
+
+def preamble_of(axes: Sequence[Participant]) -> tuple[Step, ...]:
+    """Return the steps that programs for several axes begin with: all are enabled and homed, cams
+    interpolated.
+    """
+    cams = dict.fromkeys(cam for one in axes for cam in one.cams)
+    powers = [Do("power_on", axis=one.axis) for one in axes]
+    homes = [Do("home", axis=one.axis) for one in axes if "home" in one.jobs]
+    return (*powers, *(Do("interpolate", {"cam": cam}) for cam in cams), Wait(0.3), *homes)
 
 
 def _selection(messages: Sequence[str]) -> SearchStrategy[dict[str, Scalar]]:
@@ -197,7 +272,10 @@ def _same(step: Step) -> Step:
 
 
 def steps(
-    kinds: Sequence[str], ids: dict[str, int], jobs: Sequence[str] = tuple(JOBS)
+    kinds: Sequence[str],
+    ids: dict[str, int],
+    jobs: Sequence[str] = OWN_JOBS,
+    axes: Sequence[Participant] = (),
 ) -> SearchStrategy[Step]:
     """Return a strategy of single steps.
 
@@ -205,21 +283,28 @@ def steps(
         kinds: Fault kinds, as of `fault_kinds`.
         ids: Identifiers of the drive by message name (`bench.cob_ids`).
         jobs: Instructions, as of `job_names`.
+        axes: Axes that get the instructions, each those that it can; none: the first one gets `jobs`.
 
     """
     waits: SearchStrategy[Step] = _grid(1, 30, 0.02).map(Wait)
     # Mapped, because nested choices would be flattened: a job, a wait and a fault are to be equally likely.
     faults = st.one_of([_fault(kind, ids) for kind in kinds]).map(_same)
-    return st.one_of(_jobs(jobs).map(_same), waits, faults)
+    if not axes:
+        return st.one_of(_jobs(jobs).map(_same), waits, faults)
+    # Instructions twice: several axes have to come together.
+    given = _whole(st.one_of([_of_axis(one) for one in axes]))
+    aimed = st.builds(_aimed, faults, st.sampled_from(list(axes)))
+    return st.one_of(given, _whole(given), waits, aimed)
 
 
 def programs(
     kinds: Sequence[str],
     ids: dict[str, int],
     *,
-    jobs: Sequence[str] = tuple(JOBS),
+    jobs: Sequence[str] = OWN_JOBS,
+    axes: Sequence[Participant] = (),
     longest: int = 12,
-    preamble: Sequence[Step] = PREAMBLE,
+    preamble: Sequence[Step] | None = None,
     configurations: SearchStrategy[Configuration] = UNCHANGED,
 ) -> SearchStrategy[Program]:
     """Return a strategy of programs.
@@ -228,12 +313,15 @@ def programs(
         kinds: Fault kinds, as of `fault_kinds`.
         ids: Identifiers of the drive by message name (`bench.cob_ids`).
         jobs: Instructions, as of `job_names`.
+        axes: As of `steps`.
         longest: Greatest number of steps after the preamble.
-        preamble: Steps that every program begins with.
+        preamble: Steps that every program begins with; None: those that enable the axes.
         configurations: What is laid over the bench file, as of `configurations`; none by default.
 
     """
-    step = steps(kinds, ids, jobs)
+    step = steps(kinds, ids, jobs, axes)
+    if preamble is None:
+        preamble = preamble_of(axes) if axes else PREAMBLE
     # Three lists in a row: one long list would nearly always be drawn short.
     thirds = [st.lists(step, max_size=(longest + part) // 3) for part in range(3)]
     return st.tuples(configurations, *thirds).map(
