@@ -1,5 +1,5 @@
 """The only module that knows pymodbus: PDUs of requests and responses, the CRC,
-and the envelopes of RTU and TCP.
+and the envelope of RTU.
 
 pymodbus changes its interface with every minor version, so it is held to one of them and asked for little. It
 is not asked to judge: what it decodes was checked by `fieldbus.modbus.pdu` before, because its decoders take
@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from pymodbus.framer.rtu import FramerRTU
-from pymodbus.framer.socket import FramerSocket
 from pymodbus.pdu import DecodePDU, ExceptionResponse, ModbusPDU
 from pymodbus.pdu.mei_message import ReadDeviceInformationRequest, ReadDeviceInformationResponse
 from pymodbus.pdu.register_message import MaskWriteRegisterRequest, ReadWriteMultipleRegistersRequest
@@ -21,7 +20,6 @@ from pymodbus.pdu.register_message import MaskWriteRegisterRequest, ReadWriteMul
 _REQUESTS: Final = DecodePDU(is_server=True)
 _RESPONSES: Final = DecodePDU(is_server=False)
 _RTU: Final = FramerRTU(_RESPONSES)
-_TCP: Final = FramerSocket(_RESPONSES)
 
 
 def crc16(data: bytes) -> bytes:
@@ -32,11 +30,6 @@ def crc16(data: bytes) -> bytes:
 def rtu_frame(unit: int, pdu: bytes) -> bytes:
     """Return a frame of the serial line (MODB-005)."""
     return _RTU.encode(pdu, unit, 0)
-
-
-def tcp_frame(transaction: int, unit: int, pdu: bytes) -> bytes:
-    """Return a frame of TCP with its MBAP header (MODB-036)."""
-    return _TCP.encode(pdu, unit, transaction)
 
 
 def _encode(pdu: ModbusPDU) -> bytes:

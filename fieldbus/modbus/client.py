@@ -35,8 +35,13 @@ class Result(NamedTuple):
     """With `DONE` and `EXCEPTION`."""
     tries: int
     """How often the request was sent."""
-    text: str
-    """In words."""
+    reason: str = ""
+    """Why there is no response, in words; empty with one."""
+
+    @property
+    def text(self) -> str:
+        """The end in words; made when it is asked for, because hardly anybody asks."""
+        return self.reason if self.response is None else str(self.response)
 
 
 Done = Callable[[Result], object]
@@ -59,8 +64,8 @@ class Job:
         self.response_pdu = b""
         """The response as it came; empty without one."""
 
-    def _end(self, outcome: Outcome, response: Response | None, text: str) -> None:
-        self.result = Result(outcome, response, self.tries, text)
+    def _end(self, outcome: Outcome, response: Response | None, reason: str = "") -> None:
+        self.result = Result(outcome, response, self.tries, reason)
         if self.done is not None:
             self.done(self.result)
 
@@ -80,7 +85,7 @@ class Job:
     def finish(self, response: Response) -> None:
         """End with a response."""
         outcome = Outcome.EXCEPTION if response.exception else Outcome.DONE
-        self._end(outcome, response, str(response))
+        self._end(outcome, response)
 
     def fail(self, outcome: Outcome, text: str) -> None:
         """End without one."""

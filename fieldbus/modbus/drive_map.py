@@ -237,9 +237,6 @@ class DriveMap:
 
         def shown(place: int) -> int:
             """Return what the registers of a place show, saturated (PD-294)."""
-            if entry.bit is not None:
-                value = self._value(Address(number, 0, 1)).values[0]
-                return int(value) >> entry.bit + place & 1
             value = self._value(address(place)).values[0]
             if isinstance(value, bytes) or value != value:  # noqa: PLR0124 - not a number
                 self.error_code = _INTERNAL
@@ -283,11 +280,17 @@ class DriveMap:
                 store(place, ordered[0] if size == 1 else ordered[0] << 16 | ordered[1])
                 at += len(new)
 
-        block.read = read
-        if entry.bit is None:
-            block.write = write
-        else:
-            block.writable = False
+        bit = entry.bit
+        if bit is None:
+            block.read, block.write = read, write
+            return
+
+        def read_bits(offset: int, count: int) -> Sequence[int]:
+            value = int(self._value(Address(number, 0, 1)).values[0]) >> bit + offset
+            return [value >> place & 1 for place in range(count)]
+
+        block.read = read_bits
+        block.writable = False
 
     def _error_code(self, block: Block) -> None:
         block.read = lambda _offset, _count: [self.error_code]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from struct import Struct
 from typing import Final, NamedTuple
 
-from fieldbus.modbus._pymodbus import crc16, rtu_frame, tcp_frame
+from fieldbus.modbus._pymodbus import crc16, rtu_frame
 from fieldbus.modbus.codes import BROADCAST
 from fieldbus.modbus.server import ModbusServer
 
@@ -26,7 +27,13 @@ LONGEST_RTU: Final = 256
 LONGEST_TCP: Final = 260
 """Bytes of the longest frame on TCP (MODB-036)."""
 _HEADER: Final = 6
+_MBAP: Final = Struct(">HHHB")
 _LONGEST_LENGTH: Final = 254
+
+
+def tcp_frame(transaction: int, unit: int, pdu: bytes) -> bytes:
+    """Return a frame of TCP with its MBAP header (MODB-036)."""
+    return _MBAP.pack(transaction, 0, len(pdu) + 1, unit) + pdu
 
 
 def unwrap_rtu(frame: bytes) -> tuple[int, bytes] | None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
+from functools import cache
 from typing import Final, NamedTuple
 
 from fieldbus.modbus import _pymodbus as library
@@ -25,6 +26,31 @@ _F: Final = Function
 _BITS: Final = frozenset({_F.READ_COILS, _F.READ_DISCRETE_INPUTS})
 _READS: Final = frozenset({*_BITS, _F.READ_HOLDING_REGISTERS, _F.READ_INPUT_REGISTERS})
 _COIL_VALUES: Final = (b"\x00\x00", b"\xff\x00")
+
+# Reading and writing of registers is what every cycle of a bus asks for, so it is laid out here; everything
+# else is left to the library. A value that does not fit is left to it too: it has the message.
+_REGISTER_READS: Final = frozenset({3, 4})
+_WRITE_REGISTERS: Final = 16
+_READ_WRITE_REGISTERS: Final = 23
+_HEAD: Final = struct.Struct(">BHH")
+
+
+@cache
+def _written(count: int) -> struct.Struct:
+    """Return the layout of function 16: function, address, quantity, bytes, registers."""
+    return struct.Struct(f">BHHB{count}H")
+
+
+@cache
+def _exchanged(count: int) -> struct.Struct:
+    """Return the layout of function 23: function, what is read, what is written, bytes, registers."""
+    return struct.Struct(f">BHHHHB{count}H")
+
+
+@cache
+def _content(count: int) -> struct.Struct:
+    """Return the layout of a response with registers: function, bytes, registers."""
+    return struct.Struct(f">BB{count}H")
 
 
 class Request(NamedTuple):
@@ -55,6 +81,9 @@ class Request(NamedTuple):
 
         """
         function = self.function
+        laid_out = self._registers()
+        if laid_out is not None:
+            return laid_out
         try:
             if function == _F.DIAGNOSTICS:
                 return bytes((function,)) + self.code.to_bytes(2, "big") + self.data
@@ -72,6 +101,18 @@ class Request(NamedTuple):
             return library.register_request(function, self.address, len(values) or self.quantity, values)
         except (ValueError, KeyError, OverflowError, struct.error) as error:
             raise ModbusError(f"{self}: {error}") from None
+
+    def _registers(self) -> bytes | None:
+        """Return a request for registers; None for another one, and for fields that are out of range."""
+        function, count = self.function, len(self.values)
+        try:
+            if function in _REGISTER_READS and 1 <= self.quantity <= LIMITS[function]:
+                return _HEAD.pack(function, self.address, self.quantity)
+            if function == _WRITE_REGISTERS and 1 <= count <= LIMITS[function]:
+                return _written(count).pack(function, self.address, count, 2 * count, *self.values)
+        except struct.error:
+            pass
+        return None
 
     def __str__(self) -> str:
         """Return the request in words."""
@@ -160,6 +201,14 @@ def is_well_formed(pdu: bytes, limits: Mapping[int, int] = LIMITS) -> bool:
 def decode_request(pdu: bytes) -> Request:
     """Return a request; `is_well_formed` has to have said yes."""
     function = pdu[0]
+    if function in _REGISTER_READS:
+        return Request(function, pdu[1] << 8 | pdu[2], pdu[3] << 8 | pdu[4])
+    if function == _WRITE_REGISTERS:
+        _, address, count, _, *values = _written(pdu[5] // 2).unpack(pdu)
+        return Request(function, address, count, tuple(values))
+    if function == _READ_WRITE_REGISTERS:
+        _, address, count, write_address, _, _, *values = _exchanged(pdu[9] // 2).unpack(pdu)
+        return Request(function, address, count, tuple(values), write_address)
     if function == _F.DIAGNOSTICS:
         return Request(function, code=pdu[1] << 8 | pdu[2], data=pdu[3:])
     fields = library.request_fields(pdu)
@@ -172,14 +221,6 @@ def decode_request(pdu: bytes) -> Request:
         return Request(function, fields.address, fields.count)
     if function == _F.MASK_WRITE_REGISTER:
         return Request(function, fields.address, 1, and_mask=fields.and_mask, or_mask=fields.or_mask)
-    if function == _F.READ_WRITE_MULTIPLE_REGISTERS:
-        return Request(
-            function,
-            fields.read_address,
-            fields.read_count,
-            tuple(fields.write_registers),
-            fields.write_address,
-        )
     if function == _F.WRITE_SINGLE_COIL:
         return Request(function, fields.address, 1, (int(fields.bits[0]),))
     if function == _F.WRITE_MULTIPLE_COILS:
@@ -192,6 +233,11 @@ def encode_response(request: Request, response: Response) -> bytes:
     function = request.function
     if response.exception:
         return library.exception_response(function, response.exception)
+    if response.values and (function in _REGISTER_READS or function == _READ_WRITE_REGISTERS):
+        count = len(response.values)
+        return _content(count).pack(function, 2 * count, *response.values)
+    if function == _WRITE_REGISTERS:
+        return _HEAD.pack(function, request.address, request.quantity)
     if function == _F.DIAGNOSTICS:
         return bytes((function,)) + request.code.to_bytes(2, "big") + response.data
     if function == _F.MASK_WRITE_REGISTER:
@@ -200,8 +246,6 @@ def encode_response(request: Request, response: Response) -> bytes:
         return library.bit_response(function, request.address, (bool(request.values[0]),))
     if function in _BITS:
         return library.bit_response(function, 0, [bool(value) for value in response.values])
-    if response.values:
-        return library.register_response(function, 0, 0, response.values)
     values = request.values if function == _F.WRITE_SINGLE_REGISTER else ()
     return library.register_response(function, request.address, request.quantity, values)
 
@@ -226,18 +270,22 @@ def decode_response(request: Request, pdu: bytes) -> Response:
         content = (request.quantity + 7) // 8 if function in _BITS else 2 * request.quantity
         if len(pdu) != 2 + content or pdu[1] != content:
             raise ResponseError(f"{len(pdu) - 2} bytes for a quantity of {request.quantity}: {pdu.hex(' ')}")
-        fields = library.response_fields(pdu)
         if function in _BITS:
-            return Response(function, tuple(map(int, fields.bits[: request.quantity])))
-        return Response(function, tuple(fields.registers))
+            bits = library.response_fields(pdu).bits
+            return Response(function, tuple(map(int, bits[: request.quantity])))
+        return Response(function, _content(request.quantity).unpack(pdu)[2:])
     if function == _F.DIAGNOSTICS:
         if len(pdu) < 3 or pdu[1] << 8 | pdu[2] != request.code:
             raise ResponseError(f"a response of another sub-function: {pdu.hex(' ')}")
         return Response(function, data=pdu[3:])
     if function == _F.ENCAPSULATED_INTERFACE:
         return _identification(pdu)
-    sent = request.encode()
-    if pdu != (sent[:5] if function in (_F.WRITE_MULTIPLE_COILS, _F.WRITE_MULTIPLE_REGISTERS) else sent):
+    if function == _WRITE_REGISTERS:
+        expected = _HEAD.pack(function, request.address, len(request.values) or request.quantity)
+    else:
+        sent = request.encode()
+        expected = sent[:5] if function == _F.WRITE_MULTIPLE_COILS else sent
+    if pdu != expected:
         raise ResponseError(f"a response that does not mirror its request: {pdu.hex(' ')}")
     return Response(function)
 

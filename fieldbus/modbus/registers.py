@@ -29,6 +29,8 @@ class Area(Enum):
     HOLDING_REGISTERS = "holding registers"
     INPUT_REGISTERS = "input registers"
 
+    __hash__ = object.__hash__  # that of enumerations is a call in Python, for every request
+
 
 class WordOrder(Enum):
     """Which half of a 32-bit value comes first (MODB-033)."""
@@ -98,6 +100,11 @@ class Block:
         self.write = write
         self.values = [0] * count
         """What is stored, as the unsigned words of the bus."""
+
+    @property
+    def unlimited(self) -> bool:
+        """Whether every word is within the limits."""
+        return self.minimum == 0 and self.maximum == 0xFFFF
 
     def accepts(self, value: int) -> bool:
         """Return whether a word that comes from the bus is within the limits."""
@@ -211,7 +218,9 @@ class RegisterMap:
             return self._write_what_can_be(pieces, values)
         at = 0
         for block, _, taken in pieces:
-            if not block.writable or not all(map(block.accepts, values[at : at + taken])):
+            if not block.writable or not (
+                block.unlimited or all(map(block.accepts, values[at : at + taken]))
+            ):
                 return self.refused
             at += taken
         at = 0
@@ -303,6 +312,9 @@ def _code(code: int) -> ExceptionCode:
 
 def _runs(block: Block, values: Sequence[int]) -> Iterator[tuple[int, Sequence[int] | None]]:
     """Yield the runs of acceptable values with their offset, and None for each value that is refused."""
+    if block.writable and block.unlimited:
+        yield 0, values
+        return
     start = 0
     for number, value in enumerate(values):
         if not (block.writable and block.accepts(value)):

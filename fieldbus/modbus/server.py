@@ -19,7 +19,7 @@ from fieldbus.modbus.registers import Area, RegisterMap
 
 _F: Final = Function
 _X: Final = ExceptionCode
-_AREAS: Final = {
+_AREAS: Final[dict[int, Area]] = {
     _F.READ_COILS: Area.COILS,
     _F.READ_DISCRETE_INPUTS: Area.DISCRETE_INPUTS,
     _F.READ_HOLDING_REGISTERS: Area.HOLDING_REGISTERS,
@@ -178,11 +178,9 @@ class ModbusServer:
         function = request.function
         registers = self.registers
         if function in _READS:
-            return _read(
-                function, registers.read(_AREAS[Function(function)], request.address, request.quantity)
-            )
+            return _read(function, registers.read(_AREAS[function], request.address, request.quantity))
         if function in WRITING:
-            refused = registers.write(_AREAS[Function(function)], request.address, request.values)
+            refused = registers.write(_AREAS[function], request.address, request.values)
             return Response(function, exception=refused or 0)
         if function == _F.DIAGNOSTICS:
             return self._diagnose(request)

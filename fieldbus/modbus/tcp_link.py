@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple, Protocol
 
@@ -152,7 +153,7 @@ class TcpLink:
         if not cut:
             held, self._held = self._held, []
             for sender in held:
-                self.scheduler.after(self.latency_ns, lambda sender=sender: self._next(sender))  # type: ignore[misc]
+                self.scheduler.after(self.latency_ns, partial(self._next, sender))
 
     def connect(self, name: str, handler: TcpHandler) -> TcpEnd:
         """Begin a connection to the server; the handler is called when it is open or refused."""
@@ -191,7 +192,13 @@ class TcpLink:
         note = ""
         delay_ns = 0
         change = self._hooks.ask(sender.name, data, now)
-        if change is not None:
+        if change is None:
+            if len(data) <= self.segment_size:
+                self._send_later(
+                    sender, sender.due(now + self.latency_ns), partial(self._deliver, sender, data, "")
+                )
+                return
+        else:
             if change.reset:
                 sender.reset()
                 return
@@ -210,7 +217,7 @@ class TcpLink:
         at = sender.due(now + self.latency_ns + delay_ns)
         for begin, end in pairwise(limits):
             piece = data[begin:end]
-            self._send_later(sender, at, lambda piece=piece: self._deliver(sender, piece, note))  # type: ignore[misc]
+            self._send_later(sender, at, partial(self._deliver, sender, piece, note))
 
     def carry_end(self, sender: TcpEnd, receiver: TcpEnd, reason: str) -> None:
         """Report the end of a connection to the other end, after what was sent before."""
@@ -232,7 +239,7 @@ class TcpLink:
 
     def _send_later(self, sender: TcpEnd, at_ns: int, arrive: Callable[[], None]) -> None:
         sender.under_way.append(arrive)
-        self.scheduler.at(at_ns, lambda: self._next(sender))
+        self.scheduler.at(at_ns, partial(self._next, sender))
 
     def _next(self, sender: TcpEnd) -> None:
         # The oldest arrives, whichever it was entered for: a cable that was cut for a time changes no order.

@@ -148,13 +148,15 @@ _PACKING: Final[dict[int, str]] = {
     Format.DOUBLE_WORD: "I",
 }
 
+_LAYOUTS: Final = {int(code): struct.Struct(">" + packing) for code, packing in _PACKING.items()}
+_SIZES: Final = {code: layout.size for code, layout in _LAYOUTS.items()}
+
 Value = int | float | bytes
 
 
 def size_of(code: int) -> int | None:
     """Return the bytes of one value of a format or data type; None for one that does not exist."""
-    packing = _PACKING.get(code)
-    return None if packing is None else struct.calcsize(">" + packing)
+    return _SIZES.get(code)
 
 
 def pack_values(code: int, values: Sequence[Value]) -> bytes:
@@ -164,11 +166,11 @@ def pack_values(code: int, values: Sequence[Value]) -> bytes:
         ParameterAccessError: A value does not fit the format.
 
     """
-    packing = _PACKING.get(code)
-    if packing is None:
+    layout = _LAYOUTS.get(code)
+    if layout is None:
         raise ParameterAccessError(f"format {code:02X}h carries no values")
     try:
-        return b"".join(struct.pack(">" + packing, value) for value in values)
+        return b"".join([layout.pack(value) for value in values])
     except (struct.error, OverflowError) as error:
         raise ParameterAccessError(f"{list(values)} in format {code:02X}h: {error}") from None
 
@@ -183,8 +185,7 @@ def unpack_values(code: int, data: bytes) -> tuple[Value, ...]:
     size = size_of(code)
     if size is None or len(data) % size:
         raise ParameterAccessError(f"{len(data)} bytes are no values of format {code:02X}h")
-    packing = ">" + _PACKING[code]
-    return tuple(struct.unpack_from(packing, data, at)[0] for at in range(0, len(data), size))
+    return tuple([one[0] for one in _LAYOUTS[code].iter_unpack(data)])
 
 
 @dataclass(frozen=True)
@@ -333,9 +334,10 @@ class Answer:
 
     def encode(self) -> bytes:
         """Return the answer as bytes; a positive one to writing is the header alone (PD-202, PD-203)."""
-        service = self.service & 0x7F | (0 if self.positive else 0x80)
+        positive = self.positive
+        service = self.service & 0x7F | (0 if positive else 0x80)
         out = bytearray((self.reference, service, self.drive_object, len(self.results)))
-        if self.positive and self.service == RequestId.WRITE:
+        if positive and self.service == RequestId.WRITE:
             return bytes(out)
         for result in self.results:
             if isinstance(result, Refusal):

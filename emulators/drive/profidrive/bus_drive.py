@@ -67,7 +67,7 @@ class DriveOnBus(MainsDrive):
 
     """
 
-    bus_columns: tuple[Column, ...] = ()
+    bus_columns: ClassVar[tuple[Column, ...]] = ()
     """Columns of the trace that the transport adds."""
     trace_enums: ClassVar = value_texts(_COLUMNS_BEFORE_BUS)
 

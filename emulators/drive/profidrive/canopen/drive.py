@@ -87,7 +87,7 @@ class ProfidriveCanDrive(DriveOnBus):
     """
 
     trace_enums: ClassVar = {**DriveOnBus.trace_enums, **value_texts((NMT_STATE,))}
-    bus_columns = (NMT_STATE,)
+    bus_columns: ClassVar = (NMT_STATE,)
 
     def __init__(
         self,
@@ -263,5 +263,5 @@ class ProfidriveCanDrive(DriveOnBus):
 
 
 def _check_abort_connection(value: Any) -> None:
-    if value not in (0, *_REACTIONS):
+    if value != 0 and value not in _REACTIONS:
         raise SdoAbort(AbortCode.VALUE)

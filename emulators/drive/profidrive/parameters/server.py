@@ -32,6 +32,7 @@ from fieldbus.profidrive.requests import (
 
 _HEADER: Final = 4
 _LONGEST_REFUSAL: Final = 6
+_ATTRIBUTES: Final = frozenset(Attribute)
 _FORMATS: Final = frozenset({Format.BYTE, Format.WORD, Format.DOUBLE_WORD})
 
 Result = Values | Refusal | None
@@ -253,7 +254,7 @@ def _write_values(
 
 
 def _wrong_address(address: Address) -> Refusal | None:
-    if address.attribute not in set(Attribute) or address.elements > MOST_ELEMENTS:
+    if address.attribute not in _ATTRIBUTES or address.elements > MOST_ELEMENTS:
         return Refusal(ParameterError.ADDRESS)
     return None
 
