@@ -4,9 +4,12 @@ bench.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
+
+import numpy as np
 
 from hil.campaign import CaseContext
 from hil.errors import BlockedError
@@ -208,3 +211,42 @@ def restart(ctx: CaseContext, start: Mapping[str, Any]) -> None:
         ctx.axis.variables.write_start(path, value)
     ctx.do("MC_Reset Restart = TRUE: new start values take effect")
     ctx.wait_until(ctx.axis.reset(restart=True).done, 5.0, "the axis is restarted")
+
+
+# -- numbers ----------------------------------------------------------------------------------------------
+
+
+def equal(ctx: CaseContext, what: str, value: float, wanted: float, *ids: str, within: float = 0.0) -> None:
+    """Expect a number, `within` more or less."""
+    ctx.measure(what, float(value), low=wanted - within, high=wanted + within, requirements=ids)
+
+
+def travel_time(way: float, velocity: float, acceleration: float, deceleration: float, jerk: float) -> float:
+    """Return the time of a motion from rest to rest with jerk-limited ramps, s.
+
+    Where the way is too short for the velocity, the greatest one that it allows is found by bisection.
+    """
+
+    def ramp_s(top: float, slope: float) -> float:
+        return top / slope + slope / jerk if top >= slope * slope / jerk else 2.0 * math.sqrt(top / jerk)
+
+    def needs(top: float) -> float:
+        return 0.5 * top * (ramp_s(top, acceleration) + ramp_s(top, deceleration))
+
+    top = velocity
+    if needs(velocity) > way:
+        low, high = 0.0, velocity
+        for _ in range(60):
+            top = 0.5 * (low + high)
+            low, high = (top, high) if needs(top) < way else (low, top)
+    rest = max(way - needs(top), 0.0)
+    return ramp_s(top, acceleration) + ramp_s(top, deceleration) + rest / top
+
+
+def speed_at(ctx: CaseContext, position: str, velocity: str, place: float) -> float:
+    """Return the velocity at which a position is passed for the first time."""
+    trace = ctx.trace()
+    where, speed = trace[position], trace[velocity]
+    passed = np.flatnonzero((where.values[:-1] < place) & (where.values[1:] >= place))
+    ctx.require(bool(len(passed)), f"{position} passes {place:g}")
+    return float(speed.at(float(where.time_s[passed[0] + 1])))
