@@ -110,7 +110,7 @@ def _check_whole(config: BenchConfig, mistakes: _Mistakes) -> None:
             f"station.{next(iter(config.station))}: stations are emulated on virtual benches; "
             'set bench.kind = "virtual"'
         )
-    if config.cam and config.bench.cpu != "S7-1500T":
+    if config.cam and not LEVELS[config.bench.cpu].technology:
         mistakes.texts.append(
             f'cam.{next(iter(config.cam))}: an {config.bench.cpu} has no cams; set bench.cpu = "S7-1500T"'
         )
@@ -224,6 +224,9 @@ class _References:
 
     def _leading(self, name: str, axis: AxisTable) -> None:
         where, cpu = f"axis.{name}", self._config.bench.cpu
+        if axis.hold_tolerance and LEVELS[cpu].before_v9:
+            version = LEVELS[cpu].version
+            raise ValueError(f"{where}.hold_tolerance: {cpu} has technology version {version}; it needs V9.0")
         for leader in axis.leading:
             if leader in self._config.external_encoder and leader not in self._config.axis:
                 self._check_actual(f"{where}.leading", f"the external encoder {leader!r}", cpu)
@@ -251,7 +254,7 @@ class _References:
 
     @staticmethod
     def _check_actual(where: str, what: str, cpu: str) -> None:
-        if cpu != "S7-1500T":
+        if not LEVELS[cpu].technology:
             raise ValueError(f"{where}: {what} leads axes of an S7-1500T only, and [bench] cpu is {cpu!r}")
 
     def _external_encoder(self, name: str) -> None:

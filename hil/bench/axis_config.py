@@ -154,6 +154,10 @@ class AxisTable(Table, frozen=True):
     (S7-1500T), or the setpoint `delayed` by `CrossPlcSynchronousOperation.LocalLeadingValueDelayTime`;
     without an entry the setpoint. An external encoder has an actual value only.
     """
+    hold_tolerance: Annotated[float, Field(ge=0.0, le=1e12)] = 0.0
+    """Way back of a leading value that counts as none while the axis synchronises, or leaves it over a
+    distance, leading axis unit; a longer one is alarm 608. From technology version V9.0 on.
+    """
     connection: Literal["direct", "data_block"] = "direct"
     """`data_block`: a program of the test stands between telegram and axis ([Axes](axis-configuration.md));
     PROFIdrive only.
@@ -174,6 +178,11 @@ class AxisTable(Table, frozen=True):
         if self.leading and self.type != "synchronous":
             raise ValueError(
                 f'leading: only an axis of type = "synchronous" follows others, and this one is {self.type!r}'
+            )
+        if self.hold_tolerance and self.type != "synchronous":
+            raise ValueError(
+                f'hold_tolerance: only an axis of type = "synchronous" follows others, and this one is '
+                f"{self.type!r}"
             )
         check_variables(OBJECTS[self.type], self.variables)
         return self

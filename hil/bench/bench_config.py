@@ -11,6 +11,9 @@ from emulators.checked_fields import NotNegative
 from fieldbus.clock import MS, US
 from hil.bench._table import Cycles, Table
 
+Cpu = Literal["S7-1500", "S7-1500T", "S7-1200 G2", "S7-1500T V8", "S7-1500T V7", "S7-1500 V8", "S7-1500 V7"]
+"""Controllers, as `motion.s7.compatibility.LEVELS` names them."""
+
 
 class BenchTable(Table, frozen=True):
     """`[bench]`: what is common to the whole bench."""
@@ -31,10 +34,11 @@ class BenchTable(Table, frozen=True):
     """Priority of `MC_Interpolator` and the block before it."""
     servo_period_us: Annotated[int, Field(ge=50, le=5000)] = 250
     """Control cycle of the emulated drives; has to divide the bus cycle."""
-    cpu: Literal["S7-1500", "S7-1500T", "S7-1200 G2"] = "S7-1500T"
+    cpu: Cpu = "S7-1500T"
     """Controller whose technology objects the axes are: the T has up to four encoders per axis,
-    `MC_SetSensor` and the MotionIn instructions; the G2 has technology version V8.0, without
-    `MC_Halt.Mode`, `BufferMode`, `Active` and parameter 1020 of `MC_WriteParameter`.
+    `MC_SetSensor`, the MotionIn instructions, cams and all of synchronous operation; the G2 has technology
+    version V8.0, without `MC_Halt.Mode`, `BufferMode`, `Active` and parameter 1020 of `MC_WriteParameter`.
+    `V8` and `V7` behind a name are earlier technology versions than V9.0.
     """
     program_cycles: Cycles = 1
     """From one call of the user program, so of every instruction instance, to the next; axes and drives keep

@@ -109,6 +109,7 @@ class ControlSystem:
                     objects[leader] for leader in section.leading if leader in objects
                 )
                 axis.couplings = dict(section.coupling)
+                axis.hold_tolerance = section.hold_tolerance
         runtime.order_axes()
         for name, cam in config.cam.items():
             with errors.located(f"cam.{name}"):

@@ -81,7 +81,7 @@ def _controller(tables: _Tables, config: BenchConfig) -> dict[str, Part]:
     parts = {
         "program": _one(tables.on_bench, "program_cycles", 2, 3),
         "grace": _one(tables.on_bench, "grace_cycles", 1, 2, 10),
-        "cpu": _one(tables.on_bench, "cpu", "S7-1500", "S7-1200 G2"),
+        "cpu": _one(tables.on_bench, "cpu", "S7-1500", "S7-1200 G2", "S7-1500T V8", "S7-1500T V7"),
         "servo": _one(tables.on_bench, "servo_period_us", 125, 500),
     }
     if 4 * cycle <= 32:

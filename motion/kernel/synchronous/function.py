@@ -69,6 +69,8 @@ class Entry(IntEnum):
     """At once: the synchronous position is where both axes are (CAM-126)."""
     AT_END = 6
     """At once, at the end of the active cam or its present run (CAM-129)."""
+    IN_PLACE = 7
+    """At once, as soon as the axis is on its function; nothing moves it there (CAM-131)."""
 
 
 class FunctionCoupling:
@@ -197,7 +199,7 @@ class FunctionCoupling:
             return self._arrive()
         if self._in_place(last, state, before):
             return self._arrive()
-        if increment == 0.0:
+        if increment == 0.0 or entry is Entry.IN_PLACE:
             return False
         sense = copysign(1.0, increment)
         if entry is Entry.DYNAMIC:
@@ -236,9 +238,11 @@ class FunctionCoupling:
         entry = self._entry
         if entry is Entry.AHEAD:
             return False
-        if entry is Entry.FROM_HERE:
+        if entry in (Entry.FROM_HERE, Entry.IN_PLACE):
             base = self._turns(x - self._leading_modulo.wrap(x))
             wanted = x - base
+            if not self._low <= wanted <= self._high:
+                return False
         else:
             base = self._turns(x - self._x_sync)
             wanted = self._x_sync
@@ -372,6 +376,7 @@ class FunctionCoupling:
                 self.base_y += s - self._former.s  # an offset ends with the former cam, without a step
             self._run = self.function.cycle(self.leading.position - self.leading.increment - self.base_x)
             return
+        self.leading.sense = self._sense
         ahead = self._fraction * self._cycle_s
         s += ahead * (v + 0.5 * a * ahead)
         v += ahead * a
@@ -424,6 +429,7 @@ class FunctionCoupling:
             if not self._approach(cycle_s, x, maximum):
                 return
             self.synchronous = True
+            leading.sense = 0.0
             self._run = self.function.cycle(x - self.base_x)
         self._follow(x)
 

@@ -93,6 +93,8 @@ class GearCoupling:
                 return
             if increment:
                 self._direction = copysign(1.0, increment)
+                if not self.by_velocity:
+                    leading.sense = self._direction
             self._synchronise(cycle_s, maximum, limits)
             return
         before = self.v
@@ -133,4 +135,5 @@ class GearCoupling:
             self.v, self.a = approach.v + velocity, approach.a + growth
         if approach.done and reachable:
             self.synchronous = True
+            leading.sense = 0.0
             self._x, self._y = leading.position, self.s

@@ -27,6 +27,8 @@ class LeadingMotion:
         value: Returns the setpoint, the delayed setpoint or the extrapolated actual value of this cycle.
         valid: Returns whether that is a value to follow.
         additive: What the following axis adds to every leading value; None: nothing.
+        tolerance: Way back that counts as none while the axis comes to its function or leaves it, position
+            unit of the leading object (SYN-074).
 
     """
 
@@ -36,10 +38,16 @@ class LeadingMotion:
         valid: Callable[[], bool],
         *,
         additive: AdditiveValue | None = None,
+        tolerance: float = 0.0,
     ) -> None:
         self._value = value
         self._valid = valid
         self._additive = additive or AdditiveValue()
+        self._tolerance = tolerance
+        self.sense = 0.0
+        """Direction in which the axis comes to its function or leaves it; 0: it does neither, and every way
+        back counts.
+        """
         self.phase: Shift | None = None
         """Phase shift, position unit of the leading object; None: there has been none."""
         self.valid = valid()
@@ -85,5 +93,8 @@ class LeadingMotion:
             position += phase.value
             velocity += phase.velocity
             acceleration += phase.acceleration
+        if self._tolerance > 0.0 and 0.0 < self.sense * (self.position - position) <= self._tolerance:
+            self.increment = self.velocity = self.acceleration = 0.0
+            return  # held at its extreme value
         self.increment = position - self.position
         self.position, self.velocity, self.acceleration = position, velocity, acceleration

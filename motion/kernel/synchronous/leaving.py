@@ -139,6 +139,7 @@ class DistanceLeaving:
         if self.ended:
             return
         leading = self.leading
+        leading.sense = self._sense
         gate = leading.position - (1.0 - self._fraction) * leading.increment
         self._way = DistanceWay(
             gate, gate + self._sense * self._distance, self._first, (self._target, 0.0, 0.0)

@@ -49,6 +49,7 @@ from motion.s7.axis.hardware_limits import HardwareLimits
 from motion.s7.axis.homing.direct import home_directly
 from motion.s7.axis.jobs import ERROR_ALARM
 from motion.s7.axis.motion import MotionControl
+from motion.s7.axis.override import BEFORE_V9, V9
 from motion.s7.axis.position_parts import PositionParts
 from motion.s7.axis.ramp_times import RampTimes
 from motion.s7.axis.reactions import Reactions
@@ -57,6 +58,7 @@ from motion.s7.axis.state import AxisState, AxisStates, DriveCommand
 from motion.s7.axis.status import StatusWords
 from motion.s7.axis.technology_object import ACTUAL, DELAYED, SETPOINT, TechnologyObject
 from motion.s7.axis.torque import TORQUE_DATA, TorqueControl
+from motion.s7.compatibility import level_of
 from motion.s7.data_blocks import DataBlocks
 from motion.s7.units import farthest_position
 from motion.s7.variables import VariableStore
@@ -230,6 +232,7 @@ class TechnologyAxis(TechnologyObject):
             monitoring=monitoring,
             torque=torque_limits,
             homings=self.homings,
+            overriding=BEFORE_V9 if level_of(cpu).before_v9 else V9,
         )
         """Jobs and ramps."""
         self._enabling = EnableControl(
@@ -292,6 +295,10 @@ class TechnologyAxis(TechnologyObject):
         self._leading: LeadingValue | None = None
         self.leading_objects: tuple[TechnologyObject, ...] = ()
         """What a synchronous axis may follow: the interconnection of its leading values (SYN-014)."""
+        self.hold_tolerance = 0.0
+        """Way back of a leading value that is none while the axis synchronises or leaves it, position unit of
+        the leading object (SYN-074).
+        """
         self.couplings: dict[str, str] = {}
         """Types of coupling by the name of the leading object, where it is not the usual one (SYN-020)."""
         self.apply_configuration()
@@ -392,8 +399,9 @@ class TechnologyAxis(TechnologyObject):
     @override
     def apply_configuration(self, *, powered_off: bool = False) -> None:
         store, servo = self.variables, self.servo
-        servo.virtual = store.read("VirtualAxis.Mode") == 1
-        servo.simulated = simulated = servo.virtual or store.read("Simulation.Mode") == 1
+        virtual = store.read("VirtualAxis.Mode") == 1
+        servo.virtual = virtual and not level_of(self.cpu).simulates_virtual_axes
+        servo.simulated = simulated = virtual or store.read("Simulation.Mode") == 1
         if self.has_position:
             servo.operative_sensor = store.read_int("PositionControl.InitialOperativeSensor")
         self.torque.begin()

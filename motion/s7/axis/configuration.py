@@ -347,6 +347,13 @@ class _Check:
                 1,
                 "0: a rotary axis (Properties.MotionType = 1) has a standard motor (CFG-069)",
             )
+        most = LEVELS[self.cpu].leading_interfaces
+        output = "CrossPlcSynchronousOperation.Interface[{}].EnableLeadingValueOutput"
+        beyond = next((n for n in range(most + 1, 33) if read(output.format(n))), 0)
+        if beyond:
+            yield Problem(
+                output.format(beyond), True, f"FALSE: cpu = {self.cpu} has {most} outputs (SYN-071)"
+            )
         existing = [n for n in range(1, 5) if read(f"Sensor[{n}].Existent")]
         if not existing:
             yield Problem("Sensor[1].Existent", False, "TRUE: a positioning axis needs an encoder (CFG-012)")

@@ -31,7 +31,6 @@ from motion.s7.axis.jobs import (
     JobClass,
     JobState,
 )
-from motion.s7.axis.override import aborts, aborts_waiting
 from motion.s7.axis.shifts import ShiftJobs
 from motion.s7.axis.state import ACCEPTS_MOTION, AxisState
 
@@ -45,6 +44,7 @@ if TYPE_CHECKING:
     from motion.s7.axis.alarms import AxisAlarms
     from motion.s7.axis.dynamic_limits import DynamicLimits
     from motion.s7.axis.homing.direct import Homing
+    from motion.s7.axis.override import Overriding
     from motion.s7.axis.state import AxisStates, DriveCommand
 
 ALARM_LEADING_VALUE: Final = 601
@@ -97,6 +97,7 @@ class MotionControl:
         monitoring: Its monitoring, which says when an end position is reached; None without positions.
         torque: Its torque limits.
         homings: Active and passive homing under way.
+        overriding: What its jobs do to each other, by the technology version.
 
     """
 
@@ -114,7 +115,10 @@ class MotionControl:
         monitoring: Monitoring | None,
         torque: TorqueLimits,
         homings: list[Homing],
+        overriding: Overriding,
     ) -> None:
+        self._overriding = overriding
+        self._enters_over_motion_in = overriding.aborts(JobClass.SYNCHRONISE, JobClass.MOTION_IN)
         self._name = name
         self._history = history
         self._servo = servo
@@ -687,6 +691,12 @@ class MotionControl:
             return refusal
         if job.coupling is not None and self.simulated is not None:
             return ERROR_SIMULATED
+        if (
+            job.coupling is not None
+            and active is not None
+            and not self._overriding.aborts(job.job_class, active.job_class)
+        ):
+            return ERROR_STATE  # before V9.0 setpoints from the program go on (SYN-458)
         if job.job_class is JobClass.HOMING and active is not None and active.job_class in _POSITIONS_FOLLOW:
             return ERROR_FOLLOWS
         self._abort_waiting(job)
@@ -697,14 +707,14 @@ class MotionControl:
             self.queue.append(job)
             return NO_ERROR
         job.start(self._name, self._history)
-        if active is not None and not aborts(job.job_class, active.job_class):
+        if active is not None and not self._overriding.aborts(job.job_class, active.job_class):
             # MC_Halt Mode 1 on top of MC_Halt Mode 0: without superimposed motion both end at the same zero
             # (OVR-089).
             self.queue.append(job)
             return NO_ERROR
-        if self._homings and aborts(job.job_class, JobClass.PASSIVE_HOMING):
+        if self._homings and self._overriding.aborts(job.job_class, JobClass.PASSIVE_HOMING):
             abort_passive(self._homings)
-        if self._servo.superimposed is None or aborts(
+        if self._servo.superimposed is None or self._overriding.aborts(
             job.job_class, JobClass.SUPERIMPOSED, append=job.append
         ):
             self._abort_motion()
@@ -719,10 +729,14 @@ class MotionControl:
         """
         new, append = job.job_class, job.append
         entering, leaving = self.entering, self.leaving
-        if entering is not None and aborts_waiting(new, JobClass.SYNCHRONISE, waits=waits, append=append):
+        if entering is not None and self._overriding.aborts_waiting(
+            new, JobClass.SYNCHRONISE, waits=waits, append=append
+        ):
             self.entering = None
             entering.abort()
-        if leaving is not None and aborts_waiting(new, JobClass.DESYNCHRONISE, waits=waits, append=append):
+        if leaving is not None and self._overriding.aborts_waiting(
+            new, JobClass.DESYNCHRONISE, waits=waits, append=append
+        ):
             self.leaving = None
             leaving.abort()
 
@@ -1085,11 +1099,15 @@ class MotionControl:
             self._repeat_warning()
         if self.simulated is not None:
             self.step_simulation(cycle_s)
-            if self.entering is not None and self.entering.entry is not None:
-                self.entering.entry.leading.step()  # it waits until the simulation has ended
-        elif self.entering is not None:
-            self._enter_when_due(self.entering, cycle_s)
         job = self.job
+        entering = self.entering
+        if entering is not None:
+            beside = job is not None and job.job_class is _MOTION_IN and not self._enters_over_motion_in
+            if self.simulated is None and not beside:
+                self._enter_when_due(entering, cycle_s)
+                job = self.job
+            elif entering.entry is not None:
+                entering.entry.leading.step()  # it waits for the end of what it does not abort
         if self.leaving is not None and self.simulated is None and (job is None or job.coupling is None):
             self.leaving.abort()  # there is nothing to leave any more
             self.leaving = None

@@ -3,12 +3,12 @@ tables as data (OVR-001 to OVR-121).
 
 A job is named by its instruction and what distinguishes it: `MC_Halt Mode 1`, `MC_MoveAbsolute waiting`. Rows
 are new jobs, columns running ones. Cells speak of the running job, fates of the new one.
-`aborts` is what an axis asks.
+`Overriding` is what an axis asks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -102,6 +102,8 @@ _SUPERIMPOSED: Final = ("MC_MoveSuperimposed", "MC_MotionInSuperimposed", "MC_Ha
 _SINGLE: Final = (*_POSITIONING, "MC_MoveVelocity", "MC_MoveJog")
 _SYNC_WAITING: Final = ("MC_GearInPos waiting", "MC_CamIn waiting")
 _SYNC_ACTIVE: Final = ("MC_GearInPos active", "MC_CamIn active")
+_PHASING: Final = ("MC_PhasingAbsolute", "MC_PhasingRelative")
+_OFFSET: Final = ("MC_OffsetAbsolute", "MC_OffsetRelative")
 _OUT_WAITING: Final = ("MC_GearOut waiting", "MC_CamOut waiting")
 _OUT_ACTIVE: Final = ("MC_GearOut active", "MC_CamOut active")
 
@@ -147,31 +149,31 @@ SYNCHRONOUS: Final = OverrideTable(
         "S2": ("MC_GearInVelocity",),
         "S3": _SYNC_WAITING,
         "S4": _SYNC_ACTIVE,
-        "S5": ("MC_PhasingAbsolute", "MC_PhasingRelative"),
-        "S6": ("MC_OffsetAbsolute", "MC_OffsetRelative"),
+        "S5": _PHASING,
+        "S6": _OFFSET,
         "S7": ("MC_LeadingValueAdditive",),
         "S8": _OUT_WAITING,
         "S9": _OUT_ACTIVE,
     },
     (
-        _row("OVR-025", _ACTIVE_HOMING, "A A - - - - - - -", "T T P R ? ? ? R R"),
+        _row("OVR-025", _ACTIVE_HOMING, "A A - - - - - - -", "T T P R R R P R R"),
         _row(
             "OVR-026",
             ("MC_Halt Mode 0", "MC_Halt Mode 1", *_SINGLE),
             "A A - A A A - A A",
             "T T P T T T P T T",
         ),
-        _row("OVR-027", _APPENDED, "- - - - - - - - -", "W W P W ? ? ? W W"),
+        _row("OVR-027", _APPENDED, "- - - - - - - - -", "W W P W W W P W W"),
         _row("OVR-028", _MOTION_IN, "A A - A A A - A A", "T T P T T T P T T"),
-        _row("OVR-029", _SUPERIMPOSED, "- -/N - - - - - - -", "? ? ? ? ? ? ? ? ?"),
+        _row("OVR-029", _SUPERIMPOSED, "- -/N - - - - - - -", "P P P P P P P P P"),
         _row("OVR-030", ("MC_Stop",), "A A A A A A - A A", "T T T T T T P T T"),
         _row("OVR-031", ("MC_GearIn", "MC_GearInVelocity"), "A A A A A A - A A", "T T T T T T P T T"),
         _row("OVR-032", _SYNC_WAITING, "- - A - - - - A -", "W W W W W W W W W"),
         _row("OVR-033", _SYNC_ACTIVE, "A A/N A A A A - A A", "T T T T T T P T T"),
-        _row("OVR-034", ("MC_PhasingAbsolute", "MC_PhasingRelative"), "- N - - A N - - -"),
-        _row("OVR-035", ("MC_OffsetAbsolute", "MC_OffsetRelative"), "- N - - N A - - -"),
+        _row("OVR-034", _PHASING, "- N - - A N - - -", "P R R P T R P P R"),
+        _row("OVR-035", _OFFSET, "- N - - N A - - -", "P R R P R T P P R"),
         _row("OVR-036", ("MC_LeadingValueAdditive",), "- - - - - - A - -", "P P P P P P T P P"),
-        _row("OVR-037", _OUT_WAITING, "- N A - - - - A -", "W R D W ? ? ? W R"),
+        _row("OVR-037", _OUT_WAITING, "- N A - - - - A -", "W R D W W W W W R"),
         _row("OVR-038", _OUT_ACTIVE, "A N A A A A - A -", "T R D T T T P T R"),
     ),
     {
@@ -344,6 +346,52 @@ TABLE: Final[dict[str, tuple[str, ...]]] = {
 `BufferMode` 0, `MC_MoveVelocity`, `MC_MoveJog`; "MotionIn" `MC_MotionInVelocity`, `MC_MotionInPosition`.
 """
 
+_OTHER_BEFORE_V9: Final = {
+    ("OVR-018", "H8"): ("-", "R"),
+    ("OVR-020", "H8"): ("-", "W"),
+    ("OVR-028", "S3"): ("A", "T"),
+}
+"""Cells of V7 and V8 that differ, with the fate of the new job (SYN-458 to SYN-460)."""
+
+
+def _exists_before_v9(job: str) -> bool:
+    """Return whether V7 and V8 have a job: there is neither `MC_Halt.Mode` nor `BufferMode`."""
+    return "BufferMode" not in job and job not in {
+        "MC_Halt Mode 1",
+        "MC_MoveAbsolute waiting",
+        "MC_MoveRelative waiting",
+    }
+
+
+def before_v9(table: OverrideTable) -> OverrideTable:
+    """Return what V7 and V8 have of a table (SYN-257, SYN-462)."""
+    columns = {name: tuple(filter(_exists_before_v9, jobs)) for name, jobs in table.columns.items()}
+    kept = [number for number, jobs in enumerate(columns.values()) if jobs]
+    rows = []
+    for row in table.rows:
+        jobs = tuple(filter(_exists_before_v9, row.jobs))
+        if not jobs:
+            continue
+        cells, fates = list(row.cells), list(row.fates)
+        for number, name in enumerate(columns):
+            other = _OTHER_BEFORE_V9.get((row.identifier, name))
+            if other is not None:
+                cells[number], fates[number] = other
+        taken = [cells[number] for number in kept]
+        rows.append(Row(row.identifier, jobs, tuple(taken), tuple(fates[number] for number in kept if fates)))
+    columns = {name: jobs for name, jobs in columns.items() if jobs}
+    return OverrideTable(table.section, table.title, columns, tuple(rows), table.notes)
+
+
+TABLE_BEFORE_V9: Final[dict[str, tuple[str, ...]]] = TABLE | {
+    "MC_GearIn": (*MOTION.row("OVR-018")[:-1], "-", *SYNCHRONOUS.row("OVR-031")),
+    "sync active": (*MOTION.row("OVR-020")[:-1], "-", *SYNCHRONOUS.row("OVR-033")),
+    "MotionIn": tuple(
+        "A" if column == "S3" else letter for column, letter in zip(COLUMNS, TABLE["MotionIn"], strict=True)
+    ),
+}
+"""`TABLE` of V7 and V8."""
+
 _ROW: Final = {
     JobClass.HALT_BASIC: "MC_Halt 1",
     JobClass.HALT: "move",
@@ -381,21 +429,37 @@ _COLUMN_WAITING: Final = {
 _ROW_WAITING: Final = {JobClass.SYNCHRONISE: "sync waiting", JobClass.DESYNCHRONISE: "desync waiting"}
 
 
-def cell(row: str, column: str) -> str:
-    """Return the cell of a new job `row` over an active job `column`."""
-    return TABLE[row][COLUMNS.index(column)]
+class Overriding:
+    """What a new job does to a running one, of one technology version.
 
+    Args:
+        table: Rows of new jobs over all `COLUMNS`.
 
-def aborts(new: JobClass, active: JobClass, *, append: bool = False) -> bool:
-    """Return whether a new job of class `new`, with `append` one with `BufferMode` 1, aborts an active one
-    (cell `A`).
     """
-    return cell("BufferMode 1" if append else _ROW[new], _COLUMN[active]).startswith("A")
+
+    def __init__(self, table: Mapping[str, tuple[str, ...]]) -> None:
+        self._table = table
+
+    def cell(self, row: str, column: str) -> str:
+        """Return the cell of a new job `row` over an active job `column`."""
+        return self._table[row][COLUMNS.index(column)]
+
+    def aborts(self, new: JobClass, active: JobClass, *, append: bool = False) -> bool:
+        """Return whether a new job of class `new`, with `append` one with `BufferMode` 1, aborts an active
+        one (cell `A`).
+        """
+        return self.cell("BufferMode 1" if append else _ROW[new], _COLUMN[active]).startswith("A")
+
+    def aborts_waiting(
+        self, new: JobClass, waiting: JobClass, *, waits: bool = False, append: bool = False
+    ) -> bool:
+        """Return whether a new job of class `new` aborts one that waits; `waits`: the new one waits, too;
+        `append`: with `BufferMode` 1.
+        """
+        row = "BufferMode 1" if append else _ROW_WAITING[new] if waits else _ROW[new]
+        return self.cell(row, _COLUMN_WAITING[waiting]) == "A"
 
 
-def aborts_waiting(new: JobClass, waiting: JobClass, *, waits: bool = False, append: bool = False) -> bool:
-    """Return whether a new job of class `new` aborts one that waits; `waits`: the new one waits, too;
-    `append`: with `BufferMode` 1.
-    """
-    row = "BufferMode 1" if append else _ROW_WAITING[new] if waits else _ROW[new]
-    return cell(row, _COLUMN_WAITING[waiting]) == "A"
+V9: Final = Overriding(TABLE)
+BEFORE_V9: Final = Overriding(TABLE_BEFORE_V9)
+"""The same of V7 and V8, which are alike (SYN-257)."""

@@ -14,7 +14,7 @@ from motion.s7.axis.state import AxisState
 from motion.s7.axis.technology_object import Reset
 from motion.s7.cams.arrays import PointArray, SegmentArray
 from motion.s7.cams.data import CAM_TYPES, CamData
-from motion.s7.compatibility import DEFAULT
+from motion.s7.compatibility import DEFAULT, level_of
 from motion.s7.data._variables import UnknownVariableError
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ class Cam:
         cpu: str = DEFAULT,
         history: History | None = None,
     ) -> None:
-        if cpu != DEFAULT:
+        if not level_of(cpu).technology:
             raise ConfigurationError(f"cam {name}", cpu, f"cpu {DEFAULT}: only a technology CPU has cams")
         if kind not in CAM_TYPES:
             raise ConfigurationError(f"cam {name}: kind", kind, ", ".join(CAM_TYPES))

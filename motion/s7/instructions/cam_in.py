@@ -52,9 +52,11 @@ _PROFILES: Final = {
     4: Entry.FROM_HERE,
     5: Entry.AT_END,
     6: Entry.AHEAD,
+    7: Entry.IN_PLACE,
 }
 _OVER_DISTANCE: Final = (Entry.ADVANCE, Entry.SUBSEQUENT, Entry.FROM_HERE, Entry.AHEAD)
-_SHIFTS_LEADING: Final = (Entry.DYNAMIC, Entry.ADVANCE, Entry.SUBSEQUENT, Entry.FROM_HERE)
+_FROM_PRESENT: Final = (Entry.FROM_HERE, Entry.IN_PLACE)
+_SHIFTS_LEADING: Final = (Entry.DYNAMIC, Entry.ADVANCE, Entry.SUBSEQUENT, *_FROM_PRESENT)
 _SHIFTS_FOLLOWING: Final = (*_SHIFTS_LEADING, Entry.AHEAD)
 """Profiles that use `MasterOffset`, and those that use `SlaveOffset` (CAM-115)."""
 
@@ -68,7 +70,9 @@ class MC_CamIn(ExecuteInstruction):
     `SyncProfileReference` (16#8036): 0 in advance with the dynamic values, 1 in advance over
     `MasterStartDistance`, 2 at once, 3 over the distance from the synchronous position on, 4 over it from the
     present leading value on, 5 at once at the end of the active cam (16#808B), 6 over it from the present
-    leading value to the synchronous position; `MasterStartDistance`, leading axis unit, above 0 (16#8026);
+    leading value to the synchronous position, 7 (from V9.0) as soon as the axis stands where the cam wants it
+    for the present leading value, which nothing moves it to; `MasterStartDistance`, leading axis unit, above
+    0 (16#8026);
     `Velocity`, `Acceleration`, `Deceleration`, `Jerk` of profile 0; `ApplicationMode` 0 once, 1 cyclic,
     2 cyclic appending (16#8027); `SyncDirection` as of `MC_GearInPos`. Outputs: `StartSync`, `InSync`,
     `EndOfProfile`, the end of the cam has been passed, and the common ones.
@@ -159,7 +163,7 @@ class MC_CamIn(ExecuteInstruction):
     def _wrong_inputs(self) -> int:
         """Return the ErrorID of an input that is not permitted, 0 for none."""
         profile = self.SyncProfileReference
-        if not is_whole(profile) or profile not in _PROFILES:
+        if not is_whole(profile) or profile not in self.level.cam_profiles:
             return ERROR_SYNC_PROFILE
         entry = _PROFILES[profile]
         if entry in _SHIFTS_LEADING and not is_number(self.MasterOffset, POSITION_LIMIT):
@@ -170,11 +174,11 @@ class MC_CamIn(ExecuteInstruction):
             return ERROR_MASTER_SCALING
         if not is_number(self.SlaveScaling, POSITION_LIMIT):
             return ERROR_SLAVE_SCALING
-        if entry is not Entry.FROM_HERE and not is_number(self.MasterSyncPosition, POSITION_LIMIT):
+        if entry not in _FROM_PRESENT and not is_number(self.MasterSyncPosition, POSITION_LIMIT):
             return ERROR_MASTER_SYNC_POSITION
         if not is_whole(self.ApplicationMode) or self.ApplicationMode not in (ONCE, CYCLIC, APPENDING):
             return ERROR_APPLICATION_MODE
-        direct = entry in (Entry.DIRECT, Entry.AT_END)
+        direct = entry in (Entry.DIRECT, Entry.AT_END, Entry.IN_PLACE)
         return wrong_way(
             entry in _OVER_DISTANCE, self.MasterStartDistance, 3 if direct else self.SyncDirection
         )
@@ -192,10 +196,10 @@ class MC_CamIn(ExecuteInstruction):
             slave_offset=float(self.SlaveOffset) if entry in _SHIFTS_FOLLOWING else 0.0,
             mode=self.ApplicationMode,
         )
-        position = 0.0 if entry is Entry.FROM_HERE else float(self.MasterSyncPosition)
+        position = 0.0 if entry in _FROM_PRESENT else float(self.MasterSyncPosition)
         x = function.first + position
         leading = leading_motion(self.axis, leader)
-        place = leader.leading_modulo.wrap(leading.position) if entry is Entry.FROM_HERE else x
+        place = leader.leading_modulo.wrap(leading.position) if entry in _FROM_PRESENT else x
         if not function.contains(place):
             return ERROR_SYNC_POSITION_OUTSIDE
         return FunctionCoupling(

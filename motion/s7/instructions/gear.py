@@ -54,7 +54,10 @@ _DYNAMICS: Final = {"Acceleration": DEFAULT, "Deceleration": DEFAULT, "Jerk": DE
 def leading_motion(axis: TechnologyAxis, leader: TechnologyObject) -> LeadingMotion:
     """Return the value of `leader` as `axis` takes it."""
     return LeadingMotion(
-        leader.leading_by(axis.coupling_with(leader)), leader.gives_value, additive=axis.motion.additive
+        leader.leading_by(axis.coupling_with(leader)),
+        leader.gives_value,
+        additive=axis.motion.additive,
+        tolerance=axis.hold_tolerance,
     )
 
 
@@ -190,8 +193,9 @@ class MC_GearInPos(_Gearing):
 
     Inputs: those of `MC_GearIn`; `MasterSyncPosition` and `SlaveSyncPosition`, the positions that belong
     together, axis units (16#8034, 16#8035); `SyncProfileReference` (16#8036): 0 in advance with the dynamic
-    values, 1 in advance over `MasterStartDistance`, 3 over that distance from `MasterSyncPosition` on, 4 over
-    it from the present leading value on; `MasterStartDistance`, leading axis unit, above 0 (16#8026);
+    values, 1 in advance over `MasterStartDistance`, 3 over that distance from `MasterSyncPosition` on, 4
+    (from V9.0) over it from the present leading value on; `MasterStartDistance`, leading axis unit, above 0
+    (16#8026);
     `Velocity`, `Acceleration`, `Deceleration`, `Jerk` of profile 0; `SyncDirection` of a following axis with
     a modulo range, 1 positive, 2 negative, 3 either (16#8007). Outputs: `StartSync`, the axis synchronises;
     `InSync`, it is synchronous; and the common ones. Until `StartSync` the job waits and aborts nothing.
@@ -255,7 +259,9 @@ class MC_GearInPos(_Gearing):
             return ERROR_MASTER_SYNC_POSITION
         if not is_number(self.SlaveSyncPosition, POSITION_LIMIT):
             return ERROR_SLAVE_SYNC_POSITION
-        if not is_whole(self.SyncProfileReference) or self.SyncProfileReference not in _PROFILES:
+        if not is_whole(self.SyncProfileReference) or (
+            self.SyncProfileReference not in self.level.gear_profiles
+        ):
             return ERROR_SYNC_PROFILE
         return wrong_way(self.SyncProfileReference != 0, self.MasterStartDistance, self.SyncDirection)
 

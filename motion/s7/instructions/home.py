@@ -96,7 +96,7 @@ class MC_Home(ExecuteInstruction):
     def _home_directly(self) -> Job | int:
         axis = self.axis
         number = axis.operative_sensor
-        if self.Mode in _ADJUSTS and axis.cpu == "S7-1500T":
+        if self.Mode in _ADJUSTS and self.level.technology:
             if self.Sensor not in range(_SENSORS + 1) or self.Sensor > len(axis.sensors):
                 return ERROR_SENSOR
             number = self.Sensor or number

@@ -28,7 +28,7 @@ ON_A_SYNCHRONOUS_JOB = (
     "MC_OffsetRelative",
     "MC_LeadingValueAdditive",
 )
-"""Jobs that change the leading or following value of another job: `test_shifts.py` starts them over it."""
+"""Jobs that change the leading or following value of another job."""
 
 Make = Callable[[Rig], Any]
 
@@ -118,17 +118,50 @@ def _leaving(start: Make, name: str, *, deceleration: float, far: float = 0.0) -
     return prepared
 
 
+def _shift(name: str, distance: float) -> Make:
+    """Return how a value of the synchronous job in control is shifted over a way of the leading value."""
+
+    def prepared(rig: Rig) -> Any:
+        start = getattr(rig.axis, name)
+        if "offset" in name:
+            return start(2.0, distance)
+        return start(2.0, ProfileReference=1, PhasingDistance=distance)
+
+    return prepared
+
+
+def _shifting(name: str) -> Make:
+    """Return how the gear of the axis gets synchronous and its value is shifted slowly."""
+
+    def prepared(rig: Rig) -> Any:
+        gear = _gear_in_pos(rig)
+        rig.until(gear.in_sync)
+        return _shift(name, 5000.0)(rig)
+
+    return prepared
+
+
+SHIFTS = {
+    "MC_PhasingAbsolute": "phasing_absolute",
+    "MC_PhasingRelative": "phasing_relative",
+    "MC_OffsetAbsolute": "offset_absolute",
+    "MC_OffsetRelative": "offset_relative",
+}
+
+
 def other_kind(cell: Cell) -> bool:
     """Return whether the new job ends gears and the running one is a cam, or the other way round: then the
     letters of the cell are not meant for them (note 6 of table 3.2).
     """
+    if "Out" in cell.new and cell.active in SHIFTS:
+        return "Cam" in cell.new  # a gear is shifted
     kinds = [name.removeprefix("MC_")[:3] for name in (cell.new, cell.active)]
     return "Out" in cell.new and sorted(kinds) == ["Cam", "Gea"]
 
 
 def synchronous(*jobs: str) -> bool:
     """Return whether one of these jobs needs a leading axis."""
-    return any(job.startswith(("MC_Gear", "MC_Cam")) for job in jobs)
+    return any(job.startswith(("MC_Gear", "MC_Cam", *ON_A_SYNCHRONOUS_JOB)) for job in jobs)
 
 
 NEW: dict[str, Start] = {
@@ -138,7 +171,7 @@ NEW: dict[str, Start] = {
     "MC_Home Mode 8": Start(lambda rig: rig.axis.home(5.0, mode=8), "busy"),
     "MC_Home Mode 9": Start(lambda rig: rig.axis.home(mode=9), "Done"),
     "MC_Home Mode 10": Start(lambda rig: rig.axis.home(mode=10), "busy"),
-    "MC_Halt Mode 0": Start(lambda rig: rig.axis.halt(Mode=0), "Done"),
+    "MC_Halt Mode 0": Start(lambda rig: rig.axis.halt(), "Done"),
     "MC_Halt Mode 1": Start(lambda rig: rig.axis.halt(Mode=1), "Done"),
     "MC_MoveAbsolute": Start(lambda rig: rig.axis.move_absolute(-20.0), "Done"),
     "MC_MoveRelative": Start(lambda rig: rig.axis.move_relative(20.0), "Done"),
@@ -159,6 +192,8 @@ NEW: dict[str, Start] = {
     "MC_CamOut waiting": Start(lambda rig: _leave(rig, "cam_out", deceleration=500.0, far=5000.0), "busy"),
     "MC_GearOut active": Start(lambda rig: _leave(rig, "gear_out", deceleration=500.0), "Done"),
     "MC_CamOut active": Start(lambda rig: _leave(rig, "cam_out", deceleration=500.0), "Done"),
+    **{name: Start(_shift(call, 30.0), "Done") for name, call in SHIFTS.items()},
+    "MC_LeadingValueAdditive": Start(lambda rig: rig.axis.leading_value_additive(0.0), "busy"),
     "MC_MotionInVelocity": Start(lambda rig: rig.axis.motion_in_velocity(rig.axis.var("Velocity")), "busy"),
     "MC_MotionInPosition": Start(_motion_in_position, "busy"),
     "MC_MotionInSuperimposed": Start(lambda rig: rig.axis.motion_in_superimposed(0.0), "busy"),
@@ -198,7 +233,7 @@ ACTIVE: dict[str, Make] = {
     "MC_Home Mode 5": lambda rig: rig.axis.home(mode=5),
     "MC_Home Mode 8": lambda rig: rig.axis.home(5.0, mode=8),
     "MC_Home Mode 10": lambda rig: rig.axis.home(mode=10),
-    "MC_Halt Mode 0": _braking(lambda rig: rig.axis.halt(Mode=0, Deceleration=50.0)),
+    "MC_Halt Mode 0": _braking(lambda rig: rig.axis.halt(Deceleration=50.0)),
     "MC_Halt Mode 1": _braking(lambda rig: rig.axis.halt(Mode=1, Deceleration=50.0)),
     "MC_MoveAbsolute": lambda rig: rig.axis.move_absolute(300.0),
     "MC_MoveRelative": lambda rig: rig.axis.move_relative(300.0),
@@ -221,6 +256,8 @@ ACTIVE: dict[str, Make] = {
     "MC_CamOut waiting": _leaving(_cam_in, "cam_out", deceleration=500.0, far=5000.0),
     "MC_GearOut active": _leaving(_gear_in_pos, "gear_out", deceleration=20.0),
     "MC_CamOut active": _leaving(_cam_in, "cam_out", deceleration=5.0),
+    **{name: _shifting(call) for name, call in SHIFTS.items()},
+    "MC_LeadingValueAdditive": lambda rig: rig.axis.leading_value_additive(0.0),
     "MC_MotionInVelocity": lambda rig: rig.axis.motion_in_velocity(20.0),
     "MC_MotionInPosition": _motion_in_position,
     "MC_MotionInSuperimposed": lambda rig: rig.axis.motion_in_superimposed(0.0),
@@ -237,11 +274,9 @@ def _homing_mode_exists(mode: int) -> bool:
 
 
 def exists(job: str) -> bool:
-    """Return whether the product has the instruction of a job of the tables, and a test over all cells can
-    start it.
-    """
+    """Return whether the product has the instruction of a job of the tables."""
     name, _, which = job.partition(" ")
-    if not hasattr(instructions, name) or name in ON_A_SYNCHRONOUS_JOB:
+    if not hasattr(instructions, name):
         return False
     return not which.startswith("Mode") or name != "MC_Home" or _homing_mode_exists(int(which[5:]))
 

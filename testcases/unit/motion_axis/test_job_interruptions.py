@@ -18,7 +18,8 @@ REACTIONS = {1: 533, 2: 104, 3: 321, 4: 421, 5: 550}
 """One alarm for every reaction."""
 WEIGHT = {0: 3, 2: 2, 3: 1}
 """Weight of MC_Stop by its mode; that of a reaction is its number (MC-415 to MC-418)."""
-RUNNING = [name for name in ACTIVE if exists(name)]
+RUNNING = [name for name in ACTIVE if exists(name) and name != "MC_LeadingValueAdditive"]
+"""Jobs with the outputs of a job; the additive value only stops to be Busy (SYN-229)."""
 
 
 def bring(rig, name):

@@ -10,13 +10,23 @@ from itertools import pairwise
 import pytest
 
 import motion.s7.instructions as instructions
-from motion.s7.axis.override import COLUMNS, TABLE, TABLES, UNDER_INTERPRETER
+from motion.s7.axis.override import (
+    COLUMNS,
+    MOTION,
+    SYNCHRONOUS,
+    TABLE,
+    TABLE_BEFORE_V9,
+    TABLES,
+    UNDER_INTERPRETER,
+    before_v9,
+)
 from testcases.catalogue import each, requirements_in
 from testcases.unit.motion_axis.conftest import Rig
 from testcases.unit.motion_axis.override_cells import (
     ACTIVE,
     NEW,
     PAGE,
+    SHIFTS,
     cells,
     exists,
     missing,
@@ -42,6 +52,20 @@ desync active  - - - - - - A - A N A A A A - A -
 """
 """Tables 3.1 and 3.2, rows OVR-011 to OVR-023 and OVR-025 to OVR-038, as printed."""
 
+PRINTED_BEFORE_V9 = """
+MC_Home 3, 5   A A A - A A A A - - - - - - -
+MC_Home 9      A - - - - - - - - - - - - - -
+move           - A A - A A A A - A A A - A A
+MotionIn       - A A - A A A A A A A A - A A
+superimposed   - - - - A - - -/N - - - - - - -
+MC_Stop        A A A B A A A A A A A A - A A
+MC_GearIn      - A A - A - A A A A A A - A A
+sync waiting   - - - - - - - - A - - - - A -
+sync active    - A A - A - A A/N A A A A - A A
+desync waiting - - - - - - - N A - - - - A -
+desync active  - - - - A - A N A A A A - A -
+"""
+"""Tables of V7 and V8, without the rows and columns that they do not have."""
 TESTABLE = [cell for cell in cells() if not missing(cell)]
 
 
@@ -53,6 +77,29 @@ def test_the_table_is_the_printed_one():
         printed[name] = tuple(letters)
     assert printed == TABLE
     assert len(COLUMNS) == 17
+
+
+@pytest.mark.requirement(
+    *(f"SYN-{number}" for number in (255, 256, *range(450, 461), 462)), "SYN-349", "SYN-474", "SYN-475"
+)
+def test_the_table_before_v9_is_the_printed_one():
+    """V7 and V8: the data are the printed table; against V9 three cells differ."""
+    columns = [column for column in COLUMNS if column not in {"H4", "H5"}]
+    for line in PRINTED_BEFORE_V9.strip().splitlines():
+        name, letters = line[:14].strip(), line[14:].split()
+        found = dict(zip(COLUMNS, TABLE_BEFORE_V9[name], strict=True))
+        assert (name, [found[column] for column in columns]) == (name, letters)
+    differ = {
+        (name, column)
+        for name, row in TABLE.items()
+        for column, letter, other in zip(COLUMNS, row, TABLE_BEFORE_V9[name], strict=True)
+        if letter != other
+    }
+    assert differ == {("MC_GearIn", "H8"), ("sync active", "H8"), ("MotionIn", "S3")}
+    for table, whole in ((MOTION, TABLE), (SYNCHRONOUS, TABLE)):
+        assert len(whole) == 13
+        for row in before_v9(table).rows:
+            assert len(row.cells) == len(before_v9(table).columns)
 
 
 @pytest.mark.requirement("OVR-117", "OVR-118")
@@ -117,7 +164,15 @@ def identifiers(cell):
     """Return what a cell checks: its row, the meaning of its letter (3.0), and the fate of the new job
     (3.6).
     """
-    found = [cell.identifier, "OVR-117", "OVR-118", "OVR-001" if cell.letter == "A" else "OVR-007"]
+    meaning = "OVR-001" if cell.letter == "A" else "OVR-006" if cell.letter == "N" else "OVR-007"
+    found = [cell.identifier, "OVR-117", "OVR-118", meaning]
+    if cell.identifier in {"OVR-019", "OVR-032"} and cell.letter == "A":
+        found.append("OVR-040")
+    if cell.identifier in {"OVR-021", "OVR-036"} and cell.letter == "-":
+        found.append("OVR-097")
+    row = int(cell.identifier[4:])
+    if 18 <= row <= 23 or 25 <= row <= 38:
+        found.append(f"SYN-{row + 240}")
     if cell.letter == "A" and cell.fate == "T":
         found.append("OVR-008")
     if cell.fate == "R" and cell.column == "H6":
@@ -136,6 +191,9 @@ def running(rig, cell):
     rig.enabled()
     rig.axis.home(0.0)
     rig.cycles(2)
+    if cell.column == "S7" and (cell.new.startswith(tuple(SHIFTS)) or "Out" in cell.new):
+        gear = ACTIVE["MC_CamIn active" if "Cam" in cell.new else "MC_GearInPos active"](rig)
+        rig.until(gear.in_sync)
     on_top = cell.column == "H7"
     if on_top and "BufferMode" not in cell.new:
         if "Out" in cell.new:  # it needs something to leave
@@ -150,6 +208,8 @@ def running(rig, cell):
             rig.axis.var("ActualPosition")
         )  # it has reset the homed state, which absolute positioning needs
     rig.run(0.5 if on_top and "Out" in cell.new else 0.1)
+    if cell.column in {"S1", "S2", "S4"} and cell.new in SHIFTS:
+        rig.until(job.in_gear if cell.column == "S1" else job.in_sync)
     if cell.new == "MC_HaltSuperimposed" and not on_top and cell.column != "H6" and cell.fate == "P":
         # Something to halt: without it the job is Done at once (MC-369).
         rig.axis.move_superimposed(300.0)
@@ -169,6 +229,15 @@ def steps(rig, since):
     return max(abs(b - a) for a, b in pairwise(v)), max(abs(b - a) for a, b in pairwise(s))
 
 
+REFUSES_SHIFTS = {"S2": 0x8079, "S3": 0x8075, "S5": 0x808A, "S6": 0x808A, "S9": 0x80A9}
+"""ErrorIDs of phasing and offset over a running job."""
+
+
+def aborted(job):
+    """Return whether another job has ended this one; `MC_LeadingValueAdditive` shows it by `Busy` alone."""
+    return job.CommandAborted if hasattr(job, "CommandAborted") else not (job.Busy or job.Error)
+
+
 def fate_of_new_job(rig, job, cell, old):
     """Check what becomes of the new job."""
     fate, reached = cell.fate, NEW[cell.new].reached
@@ -180,10 +249,12 @@ def fate_of_new_job(rig, job, cell, old):
             assert job.ErrorID == 0x80A1
         elif "Out" in cell.new:
             assert job.ErrorID == (0x8077 if "Gear" in cell.new else 0x8078)
+        elif cell.column in REFUSES_SHIFTS:
+            assert job.ErrorID == REFUSES_SHIFTS[cell.column]
         assert job.ErrorID
         return
     assert not job.Error
-    assert not job.CommandAborted
+    assert not aborted(job)
     if fate == "D":
         assert job.Done
         return
@@ -191,6 +262,7 @@ def fate_of_new_job(rig, job, cell, old):
     if fate == "W":
         assert job.Busy
         assert not getattr(job, "Active", False)
+        assert not getattr(job, "StartSync", False)
     elif hasattr(job, "Active"):
         assert job.Active
     if reached != "busy" and (fate in "TP" or cell.active.startswith(("MC_Halt", "MC_Home"))):
@@ -219,9 +291,9 @@ def check_cell(rig, cell):
     rig.cycles(2)
     # MC_Stop Mode 0 over the running Mode 3 has the higher stop response.
     if cell.letter in {"A", "A/N"} or (cell.letter == "B" and cell.column == "H6"):
-        assert (old.CommandAborted, old.Busy, getattr(old, "Active", False)) == (True, False, False)
+        assert (aborted(old), old.Busy, getattr(old, "Active", False)) == (True, False, False)
     else:
-        assert not old.CommandAborted
+        assert not aborted(old)
         assert not old.Error
         assert old.Busy
     fate_of_new_job(rig, job, cell, old)
@@ -245,6 +317,106 @@ def test_cell(subtests):
         with subtests.test(label):
             (cell,) = values
             check_cell(Rig(synchronous=synchronous(cell.new, cell.active)), cell)
+
+
+EARLIER = [
+    pytest.param(cpu, cell, id=f"{cpu}: {cell.new} over {cell.active}")
+    for cpu in ("S7-1500T V7", "S7-1500T V8")
+    for table in (MOTION, SYNCHRONOUS)
+    for cell in before_v9(table).cells()
+    if cell.column in {"H8", "S3"} and synchronous(cell.new, cell.active)
+]
+"""Cells around those that differ from V9: the others are the same data."""
+
+
+@pytest.mark.exhaustive
+@pytest.mark.requirement(
+    "SYN-257", "SYN-453", "SYN-454", "SYN-455", "SYN-456", "SYN-457", "SYN-458", "SYN-459", "SYN-460",
+    "SYN-462", "SYN-480",
+)  # fmt: skip
+def test_cell_before_v9(subtests):
+    """V7 and V8: MC_MotionIn... goes on under a gear, and ends one that waits; the rest is as in V9."""
+    for label, (cpu, cell) in each(EARLIER):
+        with subtests.test(label):
+            check_cell(Rig(synchronous=synchronous(cell.new, cell.active), cpu=cpu), cell)
+
+
+@pytest.mark.requirement(
+    "OVR-121", "OVR-039", "SYN-174", "SYN-269", "SYN-273", "SYN-333", "SYN-329", "SYN-385"
+)
+def test_velocity_gearing_without_position_control():
+    """It refuses superimposed jobs with 16#8071, MC_GearInPos and MC_CamIn with 16#8079, and goes on; in
+    position control it carries the first, and makes room for the others.
+    """
+    on_top = ("MC_MoveSuperimposed", "MC_MotionInSuperimposed", "MC_HaltSuperimposed")
+    absolute = ("MC_GearInPos active", "MC_GearInPos waiting", "MC_CamIn active", "MC_CamIn waiting")
+    for controlled in (False, True):
+        for new in (*on_top, *absolute):
+            rig = Rig(synchronous=True).enabled()
+            rig.axis.home(0.0)
+            rig.leader_at(0.0 if "waiting" in new else 60.0)
+            gear = rig.axis.gear_in_velocity(rig.leader, 3, 2, PositionControlled=controlled)
+            rig.until(gear.in_sync)
+            job = NEW[new].make(rig)
+            rig.cycles(2)
+            if controlled:
+                assert not job.Error
+                assert gear.CommandAborted is new.endswith("active")
+            else:
+                assert job.ErrorID == (0x8071 if new in on_top else 0x8079)
+                assert gear.InSync
+
+
+@pytest.mark.requirement("OVR-112", "OVR-120", "SYN-096", "SYN-302", "SYN-292", "SYN-097")
+@pytest.mark.parametrize("active", ["MC_GearInPos waiting", "MC_CamIn waiting", "MC_GearOut waiting"])
+def test_what_ends_a_waiting_synchronous_job(active):
+    """MC_Halt leaves it waiting (a way out has nothing to leave any more); MC_Stop and MC_Power end it."""
+    for end in ("halt", "stop", "power"):
+        rig = Rig(synchronous=True).enabled()
+        rig.axis.home(0.0)
+        rig.cycles(2)
+        job = ACTIVE[active](rig)
+        rig.cycles(2)
+        assert job.Busy
+        if end == "power":
+            rig.axis.power(False)
+        else:
+            getattr(rig.axis, end)()
+        rig.cycles(2)
+        assert job.CommandAborted is (end != "halt" or "Out" in active)
+
+
+@pytest.mark.requirement("OVR-114", "SYN-223", "SYN-225", "SYN-270")
+def test_what_ends_the_additive_value():
+    """Neither a motion job nor MC_Stop; a restart does."""
+    rig = Rig(synchronous=True).enabled()
+    rig.leader_at(60.0)
+    job = rig.axis.leading_value_additive(0.0)
+    for other in ("gear_in", "move_velocity", "halt", "stop"):
+        start = getattr(rig.axis, other)
+        start(*{"gear_in": (rig.leader,), "move_velocity": (10.0,)}.get(other, ()))
+        rig.run(0.1)
+        assert job.Busy
+    rig.axis.power(False)
+    rig.run(0.5)
+    again = rig.axis.leading_value_additive(0.0)
+    rig.axis.reset(restart=True)
+    rig.run(0.1)
+    assert (job.Busy, again.Busy) == (False, False)
+
+
+@pytest.mark.requirement("OVR-116")
+def test_a_waiting_gear_removes_appended_positioning():
+    """A job that waits with BufferMode 1 is aborted, the one in control goes on."""
+    rig = Rig(synchronous=True).enabled()
+    rig.axis.home(0.0)
+    rig.leader_at(0.0)
+    active = rig.axis.move_absolute(300.0)
+    appended = rig.axis.move_absolute(100.0, BufferMode=1)
+    rig.run(0.1)
+    rig.axis.gear_in_pos(rig.leader, 5000.0, 0.0)
+    rig.cycles(2)
+    assert (active.Busy, appended.CommandAborted) == (True, True)
 
 
 @pytest.mark.requirement("OVR-002", "OVR-017", "OVR-105", "MC-419", "G2-024")
@@ -275,7 +447,7 @@ def check_homing_without_motion_over_anything(rig, mode, active):
     rig.cycles(2)
     assert job.Done
     assert old.Busy
-    assert not old.CommandAborted
+    assert not aborted(old)
 
 
 @pytest.mark.exhaustive
