@@ -58,7 +58,7 @@ def commission(reference: str, *, write: bool, as_json: bool) -> int:
 
     """
     config = config_of(reference)
-    led = {axis.drive for axis in config.axis.values()}
+    led = set(config.moved_drives)
     drives = {
         name: table
         for name, table in config.can_drives.items()

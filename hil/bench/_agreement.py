@@ -101,7 +101,7 @@ def _tables(config: BenchConfig) -> dict[str, tuple[str, Mapping[str, Any]]]:
 
 def _check_whole(config: BenchConfig, mistakes: _Mistakes) -> None:
     kinds = {table.partition(".")[0] for table in mistakes.tables}
-    if not config.devices and not kinds & {"drive", "encoder", "device"}:
+    if not config.devices and not config.nc_axes and not kinds & {"drive", "encoder", "device"}:
         mistakes.texts.append(
             "there is neither a drive nor an encoder nor a device; a bench needs at least one"
         )
@@ -207,9 +207,13 @@ class _References:
 
     def _axis(self, name: str) -> None:
         axis, where = self._config.axis[name], f"axis.{name}"
-        self._refer(f"{where}.drive", "drive", axis.drive)
         if isinstance(axis, NcAxisTable):
+            if axis.drive:
+                self._refer(f"{where}.drive", "drive", axis.drive)
+            if axis.encoder is not None:
+                self._refer(f"{where}.encoder", "encoder", axis.encoder)
             return
+        self._refer(f"{where}.drive", "drive", axis.drive)
         if axis.inputs is not None:
             self._refer(f"{where}.inputs", "station", axis.inputs)
         self._leading(name, axis)
@@ -262,7 +266,7 @@ class _References:
         self._refer(f"{where}.encoder", "encoder", table.encoder)
         if table.drive is None:
             return
-        led = [axis.drive for axis in self._config.axis.values()]
+        led = self._config.moved_drives
         if table.drive not in led:
             if any(one.startswith("axis.") for one in self._mistakes.tables):
                 raise _OfWrongTable
@@ -324,18 +328,28 @@ class _Fitting:
 
     def _axis(self, name: str, axis: AxisTable | NcAxisTable) -> None:
         where = f"axis.{name}"
+        if isinstance(axis, NcAxisTable) and not axis.drive:
+            return
         owner = self._driven.setdefault(axis.drive, name)
         if owner != name:
             raise ValueError(f"{where}.drive: {axis.drive!r} already belongs to axis.{owner}")
         if isinstance(axis, NcAxisTable):
-            if not self._config.drive[axis.drive].encoder_value:
-                raise ValueError(
-                    f"{where}.drive: {axis.drive!r} brings no encoder value, which an axis needs"
-                )
+            self._nc_axis(where, axis)
             return
         self._encoders_of_axis(name, axis)
         self._config.drive[axis.drive].check_axis(where, axis)
         self._inputs(where, axis)
+
+    def _nc_axis(self, where: str, axis: NcAxisTable) -> None:
+        """Check the drive of an axis of an NC."""
+        drive = self._config.drive[axis.drive]
+        if not drive.encoder_value:
+            raise ValueError(f"{where}.drive: {axis.drive!r} brings no encoder value, which an axis needs")
+        if axis.interface not in drive.interfaces:
+            raise ValueError(
+                f"{where}.interface: {axis.drive!r} takes no {axis.interface}; allowed: "
+                f"{', '.join(drive.interfaces)}"
+            )
 
     def _encoders_of_axis(self, name: str, axis: AxisTable) -> None:
         """Check the encoders of an axis (CFG-174, CFG-175, CFG-201)."""
@@ -519,7 +533,7 @@ def _check_contents(config: BenchConfig, mistakes: _Mistakes) -> None:
             mistakes.of(config.place_of(name), partial(_read, config.place_of(name), node.dictionary))
     for name, nc_axis in config.nc_axes.items():
         if not {f"axis.{name}", f"drive.{nc_axis.drive}"} & wrong:
-            read = partial(nc_axis.parameters_of, config.drive[nc_axis.drive])
+            read = partial(nc_axis.parameters_of, config.drive.get(nc_axis.drive))
             mistakes.of(f"axis.{name}", partial(_read, f"axis.{name}", read))
     for name, axis in config.s7_axes.items():
         parts = {f"axis.{name}", f"drive.{axis.drive}", *(f"encoder.{one}" for one in axis.encoders or ())}

@@ -30,6 +30,7 @@ class PortSite:
         stations: Tables of the I/O stations by name.
         links: The controller's side of the I/O stations by name.
         variables: Start values of the axis that the drive moves.
+        interface: What the axis gives to the drive: `velocity`, `position`, `torque`.
 
     """
 
@@ -42,3 +43,4 @@ class PortSite:
     stations: Mapping[str, StationTable]
     links: Mapping[str, StationLink]
     variables: Mapping[str, bool | int | float]
+    interface: str = "velocity"

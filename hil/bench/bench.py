@@ -628,7 +628,7 @@ class Bench:
             (instance.name for instance in self.runtime.instances),
             self.history.events,
             self.history.declared,
-            {name: section.drive for name, section in self.config.axis.items()},
+            {name: section.drive for name, section in self.config.axis.items() if section.drive},
         )
 
     def trace(self) -> Trace:

@@ -45,6 +45,9 @@ def _anchor_files(data: dict[str, Any], folder: Path) -> None:
     bench = data.get("bench")
     if isinstance(bench, dict):
         _anchor(bench, "memory_card", folder)
+    nc = data.get("nc")
+    if isinstance(nc, dict):
+        _anchor(nc, "retain_file", folder)
     for kind, keys in _ANCHORED.items():
         tables = data.get(kind)
         for table in tables.values() if isinstance(tables, dict) else ():

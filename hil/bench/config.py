@@ -27,6 +27,7 @@ from hil.bench.drive_tables import second_encoder_variables
 from hil.bench.encoder_config import AnyEncoder, EncoderTable
 from hil.bench.io_config import StationTable
 from hil.bench.nc_axis_config import NcAxisTable
+from hil.bench.nc_config import NcTable
 from hil.bench.segment_config import AnySegment
 from hil.bench.units import taken_over_in_unit
 from motion.s7.axis.configuration import encoders_of_telegram, given_values
@@ -56,6 +57,8 @@ class BenchConfig(Table, frozen=True):
     """Emulated CANopen devices of any kind, by name."""
     station: dict[str, StationTable] = {}
     """Emulated I/O stations on Modbus, by name."""
+    nc: NcTable = NcTable()
+    """What the axes with `controller = "nc"` have in common."""
     axis: dict[str, AnyAxis] = {}
     """Axes by name: technology objects that move a drive, or axes of an NC."""
     external_encoder: dict[str, ExternalEncoderTable] = {}
@@ -104,9 +107,15 @@ class BenchConfig(Table, frozen=True):
         return tuple(name for name, table in self.encoder.items() if table.device == "emulated")
 
     @property
+    def moved_drives(self) -> list[str]:
+        """Drives that an axis moves, in the order of the axes."""
+        return [axis.drive for axis in self.axis.values() if axis.drive]
+
+    @property
     def used_encoders(self) -> set[str]:
         """Encoders that an axis or an external encoder reads."""
         used = {one.encoder for one in self.external_encoder.values()}
+        used.update(one.encoder for one in self.nc_axes.values() if one.encoder is not None)
         used.update(name for axis in self.s7_axes.values() for name in axis.encoders or ())
         return used
 
@@ -114,7 +123,7 @@ class BenchConfig(Table, frozen=True):
         """Whether the bench is the controller on a segment: it moves an axis
         there, or nobody else can be there.
         """
-        if any(self.drive[axis.drive].segment == segment for axis in self.axis.values()):
+        if any(self.drive[drive].segment == segment for drive in self.moved_drives):
             return True
         return not self.bench.live and any(one.segment == segment for one in self.encoder.values())
 

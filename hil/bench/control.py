@@ -16,7 +16,7 @@ from hil.bench.drive_ports import DrivePorts
 from hil.bench.startup import LINK_TIMEOUT_NS, commission, wait_for_encoders
 from hil.bench.units import taken_over_in_unit
 from hil.errors import BlockedError
-from motion.drives.port import SWITCHES
+from motion.drives.port import SWITCHES, DrivePort
 from motion.s7.axis import ExternalEncoder, PositioningAxis, SpeedAxis, SynchronousAxis
 from motion.s7.cam_handle import CamHandle
 from motion.s7.cams import Cam
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from emulators.io import ModbusIoStation
     from fieldbus.history import History
     from hil.bench.config import BenchConfig
+    from hil.bench.drive_config import DriveTable
     from hil.bench.drive_ports import Port
     from hil.bench.encoders import EncoderNodes
     from hil.bench.nc_axis_config import NcAxisTable
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     from motion.drives.encoder import EncoderPort
     from motion.drives.station import StationLink
     from motion.nc.handles import NcAxisHandle
+    from motion.nc.parameters import ParameterSet
+    from motion.nc.project import Link, Project
     from motion.nc.tasks import NcRuntime
     from motion.s7.axis import TechnologyAxis
     from motion.s7.runtime import Runtime
@@ -83,6 +86,7 @@ class ControlSystem:
         self.axes: dict[str, AxisHandle] = {}
         self.nc: NcRuntime | None = None
         """The NC; None: the bench has no axis of one."""
+        self._project: Project | None = None
         self.nc_axes: dict[str, NcAxisHandle] = {}
         self.external_encoders: dict[str, EncoderHandle] = {}
         self.cams: dict[str, CamHandle] = {}
@@ -98,6 +102,8 @@ class ControlSystem:
         for name, nc_section in config.nc_axes.items():
             with errors.located(f"axis.{name}"):
                 self._add_nc_axis(name, nc_section)
+        if config.nc_axes:
+            self._activate_nc(self._nc_project())
         for name, external in config.external_encoder.items():
             with errors.located(f"external_encoder.{name}"):
                 self._add_external_encoder(name, external)
@@ -188,35 +194,81 @@ class ControlSystem:
         self._note_limits(name, axis)
 
     def _add_nc_axis(self, name: str, section: NcAxisTable) -> None:
-        from motion.nc.axis import TRACE_COLUMNS, NcAxis
-        from motion.nc.device import PortDevice
-        from motion.nc.handles import NcAxisHandle
-        from motion.nc.tasks import NcRuntime
+        from motion.nc.project import AxisKind
 
-        runtime = self._runtime
-        if self.nc is None:
+        config = self._config
+        drive = config.drive.get(section.drive)
+        kind = AxisKind.CONTINUOUS
+        link: Link | None = None
+        if drive is not None:
+            link = self._link_of(section, drive, self.ports.add(section.drive))
+        elif section.encoder is not None:
+            kind = AxisKind.ENCODER
+            link = self._encoder_link(self._encoder_ports[section.encoder])
+        self._nc_project().add(
+            name, kind=kind, values=section.start_values(drive), link=link, comment=section.comment
+        )
+
+    def _nc_project(self) -> Project:
+        """Return the project of the NC; the first call makes both."""
+        if self._project is None:
+            from motion.nc.project import Project
+            from motion.nc.tasks import NcRuntime
+
+            runtime, table = self._runtime, self._config.nc
             self.nc = NcRuntime(
                 self._scheduler,
                 cycle_ns=runtime.cycle_ns,
                 phase_ns=runtime.phase_ns,
                 plc_cycles=runtime.program_cycles,
+                svb_ns=table.svb_ns,
+                parameters=table.build_parameters(),
+                retain=table.build_retain(),
                 history=self._history,
             )
-        drive = self._config.drive[section.drive]
-        port = self.ports.add(section.drive)
-        axis = NcAxis(
-            name,
-            number=len(self.nc_axes) + 1,
-            parameters=section.parameters_of(drive),
-            device=PortDevice(port, rpm_per_unit=60.0 / section.feed_of(drive)),
-            saf_cycle_s=runtime.cycle_ns / S,
-            analog=drive.bus == "station",
-            history=self._history,
-        )
-        self.nc_axes[name] = NcAxisHandle(self.nc, self.nc.add(axis))
-        group = self._recorder.add_group(name, TRACE_COLUMNS, axis.trace_row)
-        runtime.after_cycle.append(group.sample)
-        self._recorder.set_constant(f"{name}.cycle_s", axis.cycle_s)
+            table.add_tables(self.nc.tables)
+            self._project = self.nc.project = Project(
+                self.nc, licence=table.build_licence(), history=self._history
+            )
+        return self._project
+
+    @staticmethod
+    def _link_of(section: NcAxisTable, drive: DriveTable, port: DrivePort) -> Link:
+        from motion.nc.device import INTERFACES, PortDevice
+
+        switch = section.fast_stop_input
+
+        def link(parameters: ParameterSet) -> PortDevice:
+            return PortDevice(
+                port,
+                rpm_per_unit=60.0 / section.feed_of(drive),
+                interface=INTERFACES[section.interface],
+                torque_per_nm=1000.0 / drive.reference_torque_nm,
+                fast_stop_input=0 if switch is None else SWITCHES[switch],
+                direct_inputs=parameters.read("drv.type") in {"MDP_703", "MDP_733"},
+            )
+
+        return link
+
+    @staticmethod
+    def _encoder_link(port: EncoderPort) -> Link:
+        from motion.nc.device import EncoderDevice
+
+        return lambda parameters: EncoderDevice(port)  # noqa: ARG005 - the parameters do not matter
+
+    def _activate_nc(self, project: Project) -> None:
+        """Build the axes of the NC, and record them."""
+        from motion.nc.axis import TRACE_COLUMNS
+        from motion.nc.handles import NcAxisHandle
+
+        project.activate(start=False)
+        assert self.nc is not None  # it has a project
+        for entry in project:
+            assert entry.ref is not None  # it is activated
+            handle = self.nc_axes[entry.name] = NcAxisHandle(self.nc, entry.ref)
+            group = self._recorder.add_group(entry.name, TRACE_COLUMNS, handle.trace_row)
+            self._runtime.after_cycle.append(group.sample)
+            self._recorder.set_constant(f"{entry.name}.cycle_s", handle.object.cycle_s)
 
     def _encoder_of_axis(self, section: AxisTable, encoder: str) -> EncoderPort | Port:
         """Return the port to an encoder of an axis."""
@@ -328,9 +380,13 @@ class ControlSystem:
             or self._programmed(axis)
             for name, axis in ((name, handle.object) for name, handle in self.axes.items())
         ) and all(
-            handle.object.device.valid or self.ports.missing(self._config.axis[name].drive)
+            handle.object.device.valid or self._may_be_silent(name, handle)
             for name, handle in self.nc_axes.items()
         )
+
+    def _may_be_silent(self, name: str, handle: NcAxisHandle) -> bool:
+        drive = self._config.axis[name].drive
+        return handle.object.disabled or (drive != "" and self.ports.missing(drive))
 
     @staticmethod
     def _programmed(axis: TechnologyAxis) -> bool:

@@ -52,7 +52,7 @@ class ControllerBuses:
         On a bench without axes another program is the controller: the bench listens, and sends only faults.
         """
         config = self._config
-        led = [config.drive[section.drive] for section in config.axis.values()]
+        led = [config.drive[name] for name in config.moved_drives]
         for name, master in self._masters.items():
             heartbeats = [
                 drive.heartbeat_ms

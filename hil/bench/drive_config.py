@@ -146,6 +146,11 @@ class _DriveTable(Table, SpeedKeys, frozen=True):
         return True
 
     @property
+    def interfaces(self) -> tuple[str, ...]:
+        """What an axis of an NC may give to the drive."""
+        return ("velocity",)
+
+    @property
     def reference_speed_rpm(self) -> float:
         """Speed of a setpoint of 100 %, rpm."""
         return self.max_speed_rpm
@@ -416,6 +421,11 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
             vendor.objects(self._of_vendor(), frozenset(self.model_fields_set))  # checks limits
         return self
 
+    @property
+    def interfaces(self) -> tuple[str, ...]:
+        """What an axis of an NC may give to the drive."""
+        return ("velocity", "position", "torque")
+
     def _vendor_eds(self) -> VendorEds | None:
         """Return the EDS; None without one, or if it cannot be read, which building the drive says."""
         from emulators.drive.cia402.vendor_eds import VendorEds
@@ -537,16 +547,30 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
             rng=site.rng,
         )
 
-    def plan(self) -> DrivePlan:
+    def plan(self, interface: str = "velocity") -> DrivePlan:
         """Return how the controller uses the drive.
+
+        Args:
+            interface: What its axis gives to it: `velocity`, `position`, `torque`.
 
         Raises:
             ConfigurationError: The EDS cannot be read, or allows no mode that the controller can command.
 
         """
-        from motion.drives.cia402_plan import STANDARD, plan_drive
+        from emulators.drive.cia402.vendor_eds import VendorEds
+        from motion.drives.cia402_plan import FOLLOWING_ERROR, STANDARD, plan_drive
 
         vendor = self._vendor_eds()
+        if interface != "velocity":
+            vendor = vendor or VendorEds(servo_eds())
+            return plan_drive(
+                vendor.entries(self.node_id),
+                node_id=self.node_id,
+                mode={"position": "csp", "torque": "cst"}[interface],
+                velocity_unit_rpm=vendor.velocity_unit_rpm,
+                increments_per_unit=vendor.increments_per_unit,
+                also=(FOLLOWING_ERROR,) if interface == "position" else (),
+            )
         if vendor is None:
             return STANDARD
         return plan_drive(
@@ -568,7 +592,7 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
         from motion.drives.cia402 import Cia402Port, Cia402PortConfig
 
         arguments = {**self.port_arguments(site.bench), "absolute_encoder": self.encoder == "absolute"}
-        plan = self.plan()
+        plan = self.plan(site.interface)
         config = Cia402PortConfig(
             rated_torque_nm=self.rated_torque_nm,
             increments_per_revolution=self.increments_per_revolution,
@@ -592,6 +616,11 @@ class _ProfidriveTable(_PoweredServoTable, frozen=True):
     encoder2: AnySecondEncoder = NoSecondEncoder()
     profidrive: ProfidriveSettings = ProfidriveSettings()
     positioner: PositionerSettings | None = None
+
+    @property
+    def interfaces(self) -> tuple[str, ...]:
+        """What an axis of an NC may give to the drive."""
+        return ("velocity", "position") if self.telegram in {5, 6, 105, 106} else ("velocity",)
 
     @property
     def fine_resolution_bits(self) -> int:

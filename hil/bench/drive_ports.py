@@ -63,6 +63,7 @@ class DrivePorts:
         """Make the port to drive `name`."""
         config = self._config
         axis = next((one for one in config.s7_axes.values() if one.drive == name), None)
+        nc_axis = next((one for one in config.nc_axes.values() if one.drive == name), None)
         site = PortSite(
             name=name,
             bench=config.bench,
@@ -73,6 +74,7 @@ class DrivePorts:
             stations=config.station,
             links=self._links,
             variables={} if axis is None else axis.variables,
+            interface="velocity" if nc_axis is None else nc_axis.interface,
         )
         drive = config.drive[name]
         port: Port

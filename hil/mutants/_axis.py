@@ -342,7 +342,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "off3-sent-as-off2",
         "The port to a CiA 402 drive sends Disable voltage for OFF3",
-        f"{_CIA402}.write",
+        f"{_CIA402}._control",
         "control = 0x0002\n",
         "control = 0x0000\n",
         ids=("C402-011", "STP-240"),

@@ -17,7 +17,7 @@ from typing_extensions import override
 
 from fieldbus.canopen.node_setup import PdoSetup
 from fieldbus.cia402 import DriveState, decode_state
-from fieldbus.errors import HilError
+from fieldbus.errors import ConfigurationError, HilError
 from motion.drives._canopen import CanopenNode, CanopenNodeConfig, CommissioningError, written
 from motion.drives._link import LinkedPort
 from motion.drives._max_torque import MaxTorque
@@ -25,16 +25,19 @@ from motion.drives._probe_mark import ProbeMarkSearch
 from motion.drives.cia402_plan import (
     CONTROL,
     FAULT_CODE,
+    FOLLOWING_ERROR,
     INPUTS,
     INTERPOLATION_DATA,
     MODE,
     MODE_CSP,
+    MODE_CST,
     MODE_CSV,
     MODE_IP,
     POSITION,
     STANDARD,
     STATUS,
     TARGET_POSITION,
+    TARGET_TORQUE,
     TARGET_VELOCITY,
     TORQUE,
     VELOCITY,
@@ -115,6 +118,7 @@ class Cia402Port(LinkedPort):
         "_probe",
         "_rpdo1_id",
         "_seen_tpdo1",
+        "_sent",
         "_state_of_word",
         "_statusword",
         "_stw1",
@@ -141,6 +145,7 @@ class Cia402Port(LinkedPort):
         self._stw1 = 0
         self._fault_code = 0
         self._seen_tpdo1 = False
+        self._sent = (0, 0)
         self._state_of_word: dict[int, DriveState] = {}
         self._torque_share_permille = 1000.0
         self._max_torque = MaxTorque(master, node, self._limit_refused)
@@ -223,6 +228,7 @@ class Cia402Port(LinkedPort):
         self.inputs = values[INPUTS]
         self.actual_torque_nm = values[TORQUE] * self._torque_factor
         self.actual_speed_rpm = values[VELOCITY] * mapped.velocity_unit_rpm
+        self.following_error = round(values[FOLLOWING_ERROR] * mapped.increments_per_unit)
         if mapped.brings_fault_code and values[FAULT_CODE]:
             self._fault_code = values[FAULT_CODE]
 
@@ -264,9 +270,8 @@ class Cia402Port(LinkedPort):
             zsw1 |= 0x0020
         self.zsw1 = zsw1 | word & 0x0280
 
-    @override
-    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
-        # The speed is sent in 10^-3 rpm.
+    def _control(self, stw1: int) -> int:
+        """Return the control word of the profile for a control word 1."""
         self._stw1 = stw1
         if not stw1 & 0x0002:
             control = 0x0000
@@ -279,6 +284,12 @@ class Cia402Port(LinkedPort):
             control = 0x000F if self._statusword & 0x0002 and stw1 & 0x0008 else 0x0007
         if stw1 & STW1.ACKNOWLEDGE:
             control |= 0x0080
+        return control
+
+    @override
+    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
+        # The speed is sent in 10^-3 rpm.
+        control = self._control(stw1)
         if self._mapped is not None:
             self._mapped.send(control, speed_rpm)
             return
@@ -287,7 +298,38 @@ class Cia402Port(LinkedPort):
             milli_rpm = 0x7FFFFFFF
         elif milli_rpm < -0x7FFFFFFF:
             milli_rpm = -0x7FFFFFFF
+        self._sent = control, milli_rpm
         self._master.send(self._rpdo1_id, _RPDO1.pack(control, milli_rpm, MODE_CSV))
+
+    @override
+    def write_position(self, stw1: int, position: int) -> None:
+        mapped = self._mapped
+        if mapped is None or mapped.mode not in _POSITION_MODES:
+            raise ConfigurationError("drive", "csv", "a drive in csp or ip takes positions")
+        mapped.send_position(self._control(stw1), position)
+
+    @override
+    def write_torque(self, stw1: int, permille: int) -> None:
+        mapped = self._mapped
+        if mapped is None or mapped.mode != MODE_CST:
+            raise ConfigurationError("drive", "csv", "a drive in cst takes torques")
+        mapped.send_torque(self._control(stw1), permille)
+
+    @override
+    def process_words(self) -> dict[str, int]:
+        if self._mapped is not None:
+            return self._mapped.words()
+        control, speed = self._sent
+        return {
+            "6040h": control,
+            "6060h": MODE_CSV,
+            "60FFh": speed,
+            "6041h": self._statusword,
+            "6064h": self.encoder_increments,
+            "606Ch": round(self.actual_speed_rpm * 1000.0),
+            "6077h": round(self.actual_torque_nm / self._torque_factor),
+            "60FDh": self.inputs,
+        }
 
     @override
     def set_reference(self, speed_rpm: float, torque_nm: float) -> None:
@@ -345,24 +387,26 @@ class MappedData:
         "_increments_per_turn",
         "_last_position",
         "_master",
-        "_mode",
         "_receive",
         "_scale",
+        "_sent",
         "_target",
         "_travelled",
         "brings_fault_code",
         "brings_speed",
         "fresh",
         "increments",
+        "increments_per_unit",
+        "mode",
         "values",
         "velocity_unit_rpm",
     )
 
     def __init__(self, master: CanopenMaster, plan: DrivePlan, config: Cia402PortConfig) -> None:
         self._master = master
-        self._mode = plan.mode
+        self.mode = plan.mode
         self._receive = plan.receive
-        self._scale = plan.increments_per_unit
+        self.increments_per_unit = self._scale = plan.increments_per_unit
         self._increments_per_turn = config.increments_per_revolution
         self._cycle_min = config.cycle_ns / 60e9
         self.velocity_unit_rpm = plan.velocity_unit_rpm
@@ -370,7 +414,7 @@ class MappedData:
         self.brings_speed = VELOCITY in carried
         self.brings_fault_code = FAULT_CODE in carried
         self.values: dict[int, int] = dict.fromkeys(
-            (STATUS, POSITION, VELOCITY, TORQUE, INPUTS, FAULT_CODE), 0
+            (STATUS, POSITION, VELOCITY, TORQUE, INPUTS, FAULT_CODE, FOLLOWING_ERROR), 0
         )
         """Last values by key."""
         self.fresh = False
@@ -379,6 +423,7 @@ class MappedData:
         """Encoder, increments, signed 32 bit."""
         self._last_position: int | None = None
         self._travelled = 0
+        self._sent: dict[int, int] = {}
         self._target = 0.0
         """csp: position setpoint, position units of the drive, without the wrap at 32 bits."""
 
@@ -431,17 +476,38 @@ class MappedData:
             speed_rpm: At the motor shaft.
 
         """
-        if self._mode == MODE_IP and control & 0x000F == 0x000F:
-            control |= _ENABLE_INTERPOLATION
         if (
-            self._mode in _POSITION_MODES
+            self.mode in _POSITION_MODES
             and control & 0x000F == 0x000F
             and self.values[STATUS] & 0x006F == 0x0027
         ):
             self._target += speed_rpm * self._cycle_min * self._increments_per_turn / self._scale
         else:
             self._target = float(self._travelled)
-        speed = round(speed_rpm / self.velocity_unit_rpm)
+        self._put(control, speed=round(speed_rpm / self.velocity_unit_rpm))
+
+    def send_position(self, control: int, position: int) -> None:
+        """Send control word and a position, increments, signed 32 bit."""
+        way = (position - self.increments + 0x80000000 & 0xFFFFFFFF) - 0x80000000
+        self._target = self._travelled + way / self._scale
+        self._put(control)
+
+    def send_torque(self, control: int, permille: int) -> None:
+        """Send control word and a torque, permille of the rated one."""
+        self._put(control, torque=permille)
+
+    def words(self) -> dict[str, int]:
+        """Return the objects as last sent and received, by name."""
+        every = {**self._sent, **self.values}
+        return {
+            f"{key >> 8:04X}h" + (f":{key & 0xFF}" if key & 0xFF else ""): value
+            for key, value in every.items()
+        }
+
+    def _put(self, control: int, *, speed: int = 0, torque: int = 0) -> None:
+        if self.mode == MODE_IP and control & 0x000F == 0x000F:
+            control |= _ENABLE_INTERPOLATION
+        sent = self._sent
         for use in self._receive:
             word = offset = 0
             for raw in use.entries:
@@ -453,9 +519,12 @@ class MappedData:
                 elif key in _POSITION_TARGETS:
                     number = round(self._target)
                 elif key == MODE:
-                    number = self._mode
+                    number = self.mode
+                elif key == TARGET_TORQUE:
+                    number = min(max(torque, -(1 << bits - 1)), (1 << bits - 1) - 1)
                 else:
                     number = 0
+                sent[key] = number
                 word |= (number & (1 << bits) - 1) << offset
                 offset += bits
             self._master.send(use.cob_id, word.to_bytes((offset + 7) // 8, "little"))

@@ -20,14 +20,17 @@ MODE_PV: Final = 3
 MODE_IP: Final = 7
 MODE_CSP: Final = 8
 MODE_CSV: Final = 9
+MODE_CST: Final = 10
 MODES: Final[Mapping[str, int]] = {"csv": MODE_CSV, "csp": MODE_CSP, "ip": MODE_IP, "pv": MODE_PV}
-"""Modes in which the controller can move a drive, by name, the best one first."""
-_SUPPORTED_BIT: Final = {MODE_PV: 2, MODE_IP: 6, MODE_CSP: 7, MODE_CSV: 8}
+"""Modes in which the controller can move a drive by velocities, by name, the best one first."""
+_BY_NAME: Final[Mapping[str, int]] = {**MODES, "cst": MODE_CST}
+_SUPPORTED_BIT: Final = {MODE_PV: 2, MODE_IP: 6, MODE_CSP: 7, MODE_CSV: 8, MODE_CST: 9}
 _COSTS: Final = {
     MODE_CSV: "",
     MODE_PV: "mode pv: the ramps 6083h and 6084h of the drive limit the dynamics; the axis follows later",
     MODE_CSP: "mode csp: the drive controls the position; its own following error comes on top of the axis's",
     MODE_IP: "mode ip: as csp; setpoints reach the drive through 60C1h:1",
+    MODE_CST: "",
 }
 
 CONTROL: Final = 0x604000
@@ -38,15 +41,18 @@ VELOCITY: Final = 0x606C00
 TORQUE: Final = 0x607700
 INPUTS: Final = 0x60FD00
 FAULT_CODE: Final = 0x603F00
+FOLLOWING_ERROR: Final = 0x60F400
 _ERROR_REGISTER: Final = 0x100100
 TARGET_VELOCITY: Final = 0x60FF00
 TARGET_POSITION: Final = 0x607A00
+TARGET_TORQUE: Final = 0x607100
 INTERPOLATION_DATA: Final = 0x60C101
 _TARGET: Final = {
     MODE_CSV: TARGET_VELOCITY,
     MODE_PV: TARGET_VELOCITY,
     MODE_CSP: TARGET_POSITION,
     MODE_IP: INTERPOLATION_DATA,
+    MODE_CST: TARGET_TORQUE,
 }
 
 _LOST: Final = {
@@ -54,6 +60,7 @@ _LOST: Final = {
     TORQUE: "6077h cannot be mapped: the actual torque is not seen",
     INPUTS: "60FDh cannot be mapped: switches at the drive are not seen",
     FAULT_CODE: "603Fh cannot be mapped: the fault code comes with the EMCY",
+    FOLLOWING_ERROR: "60F4h cannot be mapped: the following error of the drive is not seen",
 }
 _FIRST_COB: Final = {False: (0x200, 0x300, 0x400, 0x500), True: (0x180, 0x280, 0x380, 0x480)}
 _SYNCHRONOUS: Final = 1
@@ -147,6 +154,7 @@ def plan_drive(
     mode: str = "auto",
     velocity_unit_rpm: float,
     increments_per_unit: float,
+    also: Sequence[int] = (),
 ) -> DrivePlan:
     """Return how to use a drive with the entries of an EDS.
 
@@ -156,16 +164,17 @@ def plan_drive(
         mode: `auto`: the best mode that the drive has; else a name of `MODES`.
         velocity_unit_rpm: Velocity unit of the drive as it is, rpm.
         increments_per_unit: Increments of the encoder in a position unit of the drive as it is.
+        also: Further objects to be sent in every cycle, by key, where there is room.
 
     Raises:
         ConfigurationError: No mode can be commanded with the PDOs of the drive; says what each lacks.
 
     """
     supported = _number(entries, 0x650200)
-    wanted = list(MODES.values()) if mode == "auto" else [MODES[mode]]
+    wanted = list(MODES.values()) if mode == "auto" else [_BY_NAME[mode]]
     reasons: list[str] = []
     for candidate in wanted:
-        name = next(one for one, code in MODES.items() if code == candidate)
+        name = next(one for one, code in _BY_NAME.items() if code == candidate)
         if supported and not supported >> _SUPPORTED_BIT[candidate] & 1:
             reasons.append(f"{name}: 6502h = {supported:08X}h does not have it")
             continue
@@ -176,7 +185,7 @@ def plan_drive(
             slots[True],
             [(STATUS, POSITION)],
             (TORQUE,),
-            ((VELOCITY, INPUTS), (FAULT_CODE, _ERROR_REGISTER)),
+            ((VELOCITY, INPUTS), (FAULT_CODE, _ERROR_REGISTER), *((key,) for key in also)),
         )
         missing = [key for key in lacking if key in (CONTROL, _TARGET[candidate], STATUS, POSITION)]
         if missing:

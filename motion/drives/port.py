@@ -71,11 +71,13 @@ class DrivePort(ABC):
         "dsc",
         "encoder_increments",
         "encoder_restarts",
+        "following_error",
         "has_parameters",
         "has_torque_data",
         "has_torque_reduction",
         "inputs",
         "interface_number",
+        "latches",
         "link_ok",
         "mark",
         "sensor_code",
@@ -103,6 +105,8 @@ class DrivePort(ABC):
         """Last status word 1; 0 while there is no link."""
         self.mark: MarkSearch | None = None
         """Search for the zero mark of the encoder; None: the device has none."""
+        self.latches: tuple[MarkSearch, MarkSearch] | None = None
+        """Searches for the rising and the falling edge of a latch input of the drive; None: it has none."""
         self.link_ok = False
         """Cyclic data arrive (says nothing of drive faults)."""
         self.encoder_increments = 0
@@ -111,6 +115,8 @@ class DrivePort(ABC):
         """Counts the times at which the encoder began again (power cycle of the drive); an incremental count
         lost its reference.
         """
+        self.following_error = 0
+        """Following error of the drive, raw increments, where it controls the position and sends it."""
         self.absolute_encoder = False
         self.sensor_fault = False
         """The drive reports its encoder as faulty."""
@@ -164,6 +170,26 @@ class DrivePort(ABC):
         last received (DIA-100, DIA-101).
         """
         return {"ZSW1": self.zsw1}
+
+    def process_words(self) -> dict[str, int]:
+        """Return the objects of the connection, as last sent and last received, by the names of its profile:
+        `6041h`, `ZSW1`.
+        """
+        return self.telegram_view()
+
+    def write_position(self, stw1: int, position: int) -> None:
+        """Send control word 1 and a position, which the drive controls; only a drive in such a mode takes it.
+
+        Args:
+            stw1: Control word 1.
+            position: Raw increments of the encoder, signed 32 bit, wraps.
+
+        """
+        raise NotImplementedError
+
+    def write_torque(self, stw1: int, permille: int) -> None:
+        """Send control word 1 and a torque, permille of the rated one, to a drive that takes torques."""
+        raise NotImplementedError
 
     def control_position(self, deviation_increments: float, gain_per_s: float) -> None:
         """Give position deviation and gain of the next `write`, where `dsc`; without it the drive controls

@@ -7,14 +7,20 @@ from typing import TYPE_CHECKING, Final
 from motion.nc.commands import CONTINUOUS, ENDLESS, POSITION, STOP, BufferMode, Command, CommandState
 from motion.nc.controller import Controller
 from motion.nc.coupling import Coupling
-from motion.nc.drive import Drive
+from motion.nc.device import POSITION as POSITION_INTERFACE
+from motion.nc.device import TORQUE as TORQUE_INTERFACE
+from motion.nc.device import DriveOutputs, SimulatedDevice
+from motion.nc.discrete import Discrete
+from motion.nc.drive import DIGITAL, FULL_TORQUE, Drive
 from motion.nc.encoder import Encoder
 from motion.nc.errors import (
     BLOCK_NOT_PERMITTED,
     BLOCK_PARAMETER,
     CONSEQUENTIAL,
     DRIVE_DATA_INVALID,
+    DRIVE_LIFE_COUNTER,
     DRIVE_NOT_READY,
+    ENCODER_DATA_INVALID,
     ENCODER_FAULT,
     EXTERNAL_ACTIVE,
     LIMIT_MAX,
@@ -29,6 +35,7 @@ from motion.nc.errors import (
     NO_FEED_MINUS,
     NO_FEED_PLUS,
     STOP_ACTIVE,
+    TABLE_CHANGE,
     VELOCITY_NOT_ALLOWED,
     error_text,
 )
@@ -39,12 +46,18 @@ from motion.nc.homing import Homing
 from motion.nc.interface import FULL_OVERRIDE, NcToPlc, OpMode, PlcToNc
 from motion.nc.monitoring import Monitoring
 from motion.nc.motion import Motion
+from motion.nc.superposed import Superposed
+from motion.nc.tables import TableSpace
+from motion.nc.torque import VelocityController
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from fieldbus.history import History
     from motion.nc.coupling import CoupledAxis
-    from motion.nc.device import Device, SimulatedDevice
-    from motion.nc.parameters import ParameterSet
+    from motion.nc.device import Device
+    from motion.nc.encoder import Retained
+    from motion.nc.parameters import ParameterSet, Value
 
 _ENABLE: Final = 0x1
 _FEED_PLUS: Final = 0x2
@@ -78,8 +91,10 @@ class NcAxis:
         parameters: Its parameters and those of its components.
         device: Its hardware.
         saf_cycle_s: Cycle of the SAF task, s; that of the axis is `axis.cycle_divider` times as long.
-        simulated: The hardware where it is a simulation; None for a drive.
-        analog: The drive has an analog interface.
+        encoder_only: It is an encoder axis: without drive and controller (NC-058).
+        two_speed: It is a discrete axis (NC-061).
+        missing_resources: It should have hardware and is not linked: it is not operational (NC-014).
+        tables: Tables of the NC; None: there are none.
         history: Event log, or None.
 
     """
@@ -92,8 +107,10 @@ class NcAxis:
         parameters: ParameterSet,
         device: Device,
         saf_cycle_s: float,
-        simulated: SimulatedDevice | None = None,
-        analog: bool = False,
+        encoder_only: bool = False,
+        two_speed: bool = False,
+        missing_resources: bool = False,
+        tables: TableSpace | None = None,
         history: History | None = None,
     ) -> None:
         self.name = name
@@ -106,12 +123,40 @@ class NcAxis:
         self.phase = int(cell("axis.cycle_modulo").value)
         self.cycle_s = cycle_s = saf_cycle_s * self.divider
         """Cycle of the axis, s (NC-077)."""
-        self._simulated = simulated
+        self.encoder_only = encoder_only
+        """It has an encoder and neither drive nor controller."""
+        self.two_speed = two_speed
+        """It is a discrete axis."""
+        self.missing_resources = missing_resources
+        self.disabled = bool(parameters.read("axis.disabled"))
+        """It is not executed (NC-067)."""
+        self.persistent = bool(parameters.read("axis.data_persistence"))
+        """It takes part in the retain data (NC-205)."""
+        self.retained: Retained | None = None
+        """What was kept of it, for the definition of its position."""
+        self.prepared: list[Callable[[], object]] = []
+        """Commands that wait for the SVB task (`SvbEntries`)."""
+        self._simulated = device if isinstance(device, SimulatedDevice) else None
+        self._outputs = DriveOutputs()
+        self._interface = device.interface
         self.encoder = Encoder(parameters, cycle_s=cycle_s, io_cycle_s=saf_cycle_s, signed=device.signed)
-        self.drive = Drive(parameters, cycle_s=cycle_s)
-        self.controller = Controller(parameters, cycle_s=cycle_s, analog=analog)
+        self.tables = tables or TableSpace()
+        """Tables of the NC."""
+        self.drive = Drive(parameters, cycle_s=cycle_s, saf_cycle_s=saf_cycle_s, tables=self.tables)
+        self.controller = Controller(
+            parameters, cycle_s=cycle_s, analog=parameters.read("drv.type") not in DIGITAL
+        )
+        self.velocity_controller = VelocityController(parameters, cycle_s=cycle_s)
+        """Velocity loop of the torque controllers."""
         self.monitoring = Monitoring(parameters, cycle_s=cycle_s)
         self.motion = Motion(parameters, cycle_s=cycle_s)
+        self.discrete: Discrete | None = None
+        """Execution of the commands of a discrete axis; None: it is none."""
+        if two_speed:
+            self.motion.plans = False
+            self.discrete = Discrete(parameters, self.motion, cycle_s=cycle_s)
+        self.raw_output: float | None = None
+        """Share of full scale that is output without position control; None: it is controlled (NC-241)."""
         self.plc_to_nc = PlcToNc()
         """Image on the side of the NC."""
         self.nc_to_plc = NcToPlc()
@@ -124,6 +169,7 @@ class NcAxis:
         """The drive reports an error (`DriveDeviceError`)."""
         self.external = ExternalSetpoints(self.plc_to_nc, self.motion)
         self.coupling = Coupling(parameters, self.motion, cycle_s=cycle_s)
+        self.superposed = Superposed(self.motion, self.coupling, cycle_s=cycle_s)
         self.fast_stop = FastStop(parameters)
         self._allow_slave = cell("axis.allow_commands_slave")
         self._allow_external = cell("axis.allow_commands_ext_setpoint")
@@ -134,6 +180,7 @@ class NcAxis:
             device=device,
             inputs=self.plc_to_nc,
             submit=self.submit,
+            shift=self.shift,
         )
         self._maximum_velocity = cell("axis.maximum_velocity")
         self._default_acceleration = cell("axis.default_acceleration")
@@ -145,7 +192,14 @@ class NcAxis:
         self._high = cell("axis.soft_limit_max")
         self._correction_on = cell("axis.position_correction")
         self._correction_filter = Pt1(cell("axis.position_correction_filter_time"), cycle_s)
-        self._tolerance = cell("drv.error_tolerance")
+        sercos = parameters.read("drv.type") == "SERCOS"
+        self._tolerance = cell("drv.c1d_error_tolerance" if sercos else "drv.error_tolerance")
+        self._inverted = cell("drv.invert_motor_polarity")
+        self._kv = cell("ctrl.pos_kv")
+        self._extern = cell("drv.following_error_calculation")
+        self._maximum_acceleration = cell("axis.maximum_acceleration")
+        self._maximum_deceleration = cell("axis.maximum_deceleration")
+        parameters.guards["drv.valve_table_id"] = self._table_refusal
         self._op_mode_cells = tuple(
             (cell(key), int(bit))
             for key, bit in (
@@ -165,6 +219,8 @@ class NcAxis:
         self._closed = False
         self._enabled = False
         self._invalid = 0
+        self.invalid_cycles = INVALID_CYCLES
+        """Cycles with invalid data without an error (NC-427)."""
         self._seen_valid = False
         self._restarts = 0
         self._reset = 0
@@ -234,8 +290,61 @@ class NcAxis:
         self.motion.submit(command)
         return NO_ERROR
 
+    def _table_refusal(self, number: Value) -> tuple[int, str] | None:
+        """Refuse another valve table while the axis is enabled (NC-371), and one that there is not."""
+        if self._enabled:
+            return TABLE_CHANGE, "a change without controller enable"
+        if number and self.tables.get(int(number), "valve") is None:
+            known = [str(one) for one, table in self.tables if table.kind == "valve"]
+            return BLOCK_PARAMETER, f"0 or the id of a valve table: {', '.join(known) or 'there is none'}"
+        return None
+
+    def superimpose(self, command: Command) -> int:
+        """Add a distance to what the axis does; returns an error code, 0 for none (NC-245).
+
+        Maximum Velocity does not bound it (NC-032).
+        """
+        if self.error:
+            return self.error_id
+        if not self._closed or self.two_speed or self.encoder_only:
+            return BLOCK_NOT_PERMITTED if self.two_speed or self.encoder_only else NO_CONTROLLER_ENABLE
+        if self.external.enabled:
+            return EXTERNAL_ACTIVE
+        if self.motion.locked or self.fast_stop.active:
+            return STOP_ACTIVE
+        if not command.velocity > 0.0:
+            return VELOCITY_NOT_ALLOWED
+        self.superposed.start(command)
+        return NO_ERROR
+
+    def prepare(self) -> None:
+        """Execute what waits for the SVB task (NC-055)."""
+        prepared, self.prepared = self.prepared, []
+        for command in prepared:
+            command()
+
+    def change_target(self, target: float) -> int:
+        """Change the target of the positioning that runs, on the fly; returns an error code, 0 for none
+        (NC-243).
+        """
+        active = self.motion.active
+        if active is None or active.kind != POSITION or self.two_speed:
+            return BLOCK_NOT_PERMITTED
+        return self.submit(
+            Command(
+                POSITION,
+                velocity=active.velocity,
+                acceleration=active.acceleration,
+                deceleration=active.deceleration,
+                jerk=active.jerk,
+                target=target,
+            )
+        )
+
     def _refused(self, command: Command) -> int:
         motion = self.motion
+        if self.encoder_only:
+            return BLOCK_NOT_PERMITTED
         if command.kind == STOP:
             return NO_ERROR if not self.error else self.error_id
         if self.error:
@@ -254,6 +363,10 @@ class NcAxis:
             return VELOCITY_NOT_ALLOWED
         if command.end_velocity > self._maximum_velocity.value:
             return VELOCITY_NOT_ALLOWED
+        if self.discrete is not None:
+            refused = self.discrete.sequence.refusal(command.velocity)
+            if refused:
+                return refused
         start = motion.generator.s
         if command.buffer_mode is not BufferMode.Aborting and motion.active is not None:
             last = motion.queue[-1] if motion.queue else motion.active
@@ -304,21 +417,37 @@ class NcAxis:
         if self.homing.busy:
             self.homing.abort()
         self.external.cancel()
+        self.superposed.abort(CommandState.ABORTED, NO_ERROR)
         self.motion.abort(CommandState.ABORTED, NO_ERROR)
         self._follow_actual()
-        self.controller.reset()
+        self._reset_control()
         self.monitoring.reset()
+
+    def _reset_control(self) -> None:
+        encoder = self.encoder
+        self.controller.reset()
+        self.drive.restart()
+        self.velocity_controller.reset(encoder.position, encoder.velocity)
 
     def set_position(self, position: float, *, relative: bool = False) -> None:
         """Give the present place another position; the following error stays (NC-242)."""
-        offset = position if relative else position - self.encoder.position
+        self.shift(position if relative else position - self.encoder.position)
+
+    def shift(self, offset: float) -> None:
+        """Move the coordinate system; neither the axis nor what is coupled to it moves."""
         self.encoder.shift(offset)
         self.motion.shift(offset)
+        self.velocity_controller.observer.position += offset
+        self.coupling.shift(offset)
+        for slave in self.coupling.slaves:
+            slave.coupling.master_shifted(offset)
 
     # -- coupling and external setpoints
 
     def couple(self, master: NcAxis, ratio: float) -> int:
-        """Follow `master` with `ratio`; returns an error code, 0 for none."""
+        """Follow `master` with `ratio`; returns an error code, 0 for none (NC-059, NC-607)."""
+        if self.encoder_only or self.two_speed or master.two_speed:
+            return BLOCK_NOT_PERMITTED
         if self.error or master.error:
             return self.error_id or master.error_id
         leader: CoupledAxis | None = master
@@ -334,26 +463,45 @@ class NcAxis:
         return NO_ERROR
 
     def decouple(self) -> None:
-        """Be a master again: the motion goes on with its present velocity (NC-036)."""
+        """Be a master again: the motion goes on with its present velocity (NC-036).
+
+        Where the present acceleration would lead beyond Maximum Velocity, or turn the direction around, the
+        jerk is raised; a velocity above the maximum is reduced with the maximum deceleration (NC-095).
+        """
         self.coupling.leave(self)
         generator = self.motion.generator
-        if generator.v and self._closed:
-            self.motion.submit(
-                Command(
-                    ENDLESS,
-                    velocity=abs(generator.v),
-                    acceleration=self._default_acceleration.value,
-                    deceleration=self._default_deceleration.value,
-                    jerk=self._default_jerk.value,
-                    target=1.0 if generator.v > 0.0 else -1.0,
-                )
+        velocity = abs(generator.v)
+        if not velocity or not self._closed:
+            return
+        direction = 1.0 if generator.v > 0.0 else -1.0
+        highest = self._maximum_velocity.value
+        deceleration = self._default_deceleration.value
+        jerk = self._default_jerk.value
+        rise = generator.a * direction
+        if velocity > highest:
+            deceleration = max(deceleration, self._maximum_deceleration.value)
+        room = max(highest - velocity, 0.0) if rise > 0.0 else velocity
+        if rise and rise * rise > 2.0 * jerk * room:
+            jerk = rise * rise / (2.0 * room) if room > _SLACK * highest else 0.0
+        acceleration = max(self._default_acceleration.value, abs(rise))
+        self.motion.submit(
+            Command(
+                ENDLESS,
+                velocity=min(velocity, highest),
+                acceleration=acceleration,
+                deceleration=max(deceleration, abs(rise)),
+                jerk=jerk,
+                target=direction,
             )
+        )
 
     def enable_external(self, start_type: int, target: float) -> int:
         """Let the PLC generate the setpoints; returns an error code, 0 for none (NC-567 to NC-577)."""
         control = self.plc_to_nc.ControlDWord
         if start_type not in {1, 2}:
             return BLOCK_PARAMETER
+        if self.encoder_only or self.two_speed or self.superposed.command is not None:
+            return BLOCK_NOT_PERMITTED
         if self.error:
             return self.error_id
         if not self._enabled:
@@ -382,15 +530,24 @@ class NcAxis:
 
     @property
     def closed(self) -> bool:
-        """Whether the axis is controlled (`ControlLoopClosed`)."""
-        return self._closed
+        """Whether its set values lead a slave: it is controlled, or an encoder axis."""
+        return self._closed or (self.encoder_only and self.operational)
+
+    @property
+    def located(self) -> bool:
+        """Whether its position is known, from valid data of the encoder."""
+        return self.encoder.started
 
     def raise_error(self, error_id: int) -> None:
         """Put the axis into error: it is shut down without a ramp (NC-148)."""
         if self.error:
             return
         self.error_id = error_id
+        self.raw_output = None
+        self.superposed.abort(CommandState.ERROR, error_id)
         self.motion.abort(CommandState.ERROR, error_id)
+        if self.discrete is not None:
+            self.discrete.abort()
         self.external.cancel()
         self.motion.place(self.motion.s)
         self.motion.has_target = False
@@ -415,6 +572,9 @@ class NcAxis:
         device = self.device
         self._take_actual_values()
         self._supervise_device()
+        if self.encoder_only:
+            self._cycle_encoder()
+            return
         inputs = self.plc_to_nc
         control = inputs.ControlDWord
         enable = control & _ENABLE != 0
@@ -424,45 +584,100 @@ class NcAxis:
         if closed and not self._closed:
             # The loop closes where the axis is (NC-685).
             self._follow_actual()
-            self.controller.reset()
+            self._reset_control()
             self.monitoring.reset()
         self._closed = closed
         self.operational = closed
         if closed:
-            override = inputs.Override
-            motion.set_override(1.0 if override >= FULL_OVERRIDE else override / FULL_OVERRIDE)
+            written = inputs.Override
+            override = 1.0 if written >= FULL_OVERRIDE else written / FULL_OVERRIDE
+            motion.set_override(override)
             self._watch_feed(control)
-            if self.homing.busy:
-                self.homing.step()
-            before = motion.s
-            if self.coupling.master is not None:
-                late = self.coupling.step(self.encoder.velocity)
-                if late:
-                    self.raise_error(late)
+            if self.discrete is not None:
+                self._cycle_discrete(self.discrete, override)
             else:
-                motion.step()
-                if self.external.enabled:
-                    self.external.step()
-            if self._simulated is not None:
-                self._simulated.follow(motion.s - before)
-            if self.error_id:
-                self.drive.off()
-                self._send(0.0, enable=True)
-            else:
-                self._control()
+                self._generate()
+                if self.error_id:
+                    self.drive.off()
+                elif self.raw_output is not None:
+                    self._output_raw(self.raw_output)
+                else:
+                    self._control()
         else:
             self.external.cancel()
+            self.raw_output = None
+            if self.discrete is not None:
+                self.discrete.abort()
             if self.error_id == NO_ERROR:
                 self._follow_actual()
             self.following_error = motion.s - self.encoder.position
             self.drive.off()
-            self._send(0.0, enable=enable)
+        self._send(enable=enable)
         self._spread_error()
         self._publish()
 
+    def _generate(self) -> None:
+        """Form the setpoint of this cycle."""
+        motion = self.motion
+        if self.homing.busy:
+            self.homing.step()
+        before = motion.s
+        if self.coupling.master is not None:
+            late = self.coupling.step(self.encoder.velocity)
+            if late:
+                self.raise_error(late)
+                return
+        else:
+            motion.step()
+            if self.external.enabled:
+                self.external.step()
+                if self.external.jumps(self._maximum_velocity.value * self.cycle_s):
+                    self._emit("axis.setpoint_step", step=self.external.step_size)
+        if self.superposed.command is not None:
+            self.superposed.step()
+        if self._simulated is not None:
+            self._simulated.follow(motion.s - before)
+
+    def _cycle_encoder(self) -> None:
+        """Let the set values of an encoder axis be its actual ones (NC-060)."""
+        encoder = self.encoder
+        self.operational = self.error_id == NO_ERROR and self.device.encoder_valid
+        self.motion.generator.set_state(encoder.position, encoder.velocity, encoder.acceleration)
+        self.following_error = 0.0
+        self._spread_error()
+        self._publish()
+
+    def _cycle_discrete(self, discrete: Discrete, override: float) -> None:
+        """Run the two-speed sequence; the set values are the actual ones."""
+        motion, encoder, monitoring = self.motion, self.encoder, self.monitoring
+        position = encoder.position
+        discrete.follow(position, encoder.velocity)
+        if self.homing.busy:
+            self.homing.step()
+        discrete.step(position, override)
+        self.following_error = 0.0
+        active = motion.active
+        found = NO_ERROR
+        if motion.has_target:
+            found = monitoring.watch_target(
+                position - motion.target, arrived=discrete.stands, alarm=active is None
+            )
+        else:
+            monitoring.no_target()
+        found = found or monitoring.watch_motion(
+            position, moving=discrete.direction != 0, held=discrete.direction == 0
+        )
+        if found:
+            self.raise_error(found)
+
+    def _output_raw(self, share: float) -> None:
+        """Output a fixed share of full scale; the set position follows the axis (NC-241)."""
+        self._follow_actual()
+        self._outputs.velocity = self.drive.raw(share)
+
     def _take_actual_values(self) -> None:
         device = self.device
-        if not device.valid:
+        if not device.encoder_valid:
             return
         correction = 0.0
         if self._correction_on.value:
@@ -475,13 +690,19 @@ class NcAxis:
                 position = self.encoder.uncorrected
                 self.encoder.begin(device.raw, None)
                 self.encoder.shift(position - self.encoder.uncorrected)
-        error = self.encoder.update(device.raw, correction)
+        error = NO_ERROR
+        if not self.encoder.started:
+            error = self.encoder.begin(device.raw, self.retained)
+        error = self.encoder.update(device.raw, correction, device.input_age) or error
         if error:
             self.raise_error(error)
+        self.drive.take_torque(device.torque)
 
     def _supervise_device(self) -> None:
         device = self.device
-        if device.valid:
+        if self.missing_resources:
+            self.raise_error(ENCODER_FAULT if self.encoder_only else DRIVE_NOT_READY)
+        if device.valid and device.encoder_valid:
             self._invalid = 0
             self._seen_valid = True
             self.drive_error = device.fault
@@ -494,8 +715,12 @@ class NcAxis:
                 self.raise_error(DRIVE_NOT_READY)
         elif self._seen_valid:
             self._invalid += 1
-            if self._invalid > INVALID_CYCLES:
-                self.raise_error(DRIVE_DATA_INVALID)
+            if self._invalid > self.invalid_cycles:
+                if device.life_lost:
+                    self.raise_error(DRIVE_LIFE_COUNTER)
+                else:
+                    encoder = self.encoder_only or device.valid
+                    self.raise_error(ENCODER_DATA_INVALID if encoder else DRIVE_DATA_INVALID)
 
     def _take_enable(self, enable: bool) -> None:
         if self._enabled and not enable and self.motion.active is not None and not self.error:
@@ -511,8 +736,11 @@ class NcAxis:
         motion = self.motion
         velocity = motion.v
         active = motion.active
+        if self.discrete is not None and active is not None:
+            velocity = float(self.discrete.direction)
         if self.fast_stop.step(self.device.fast_stop) and not motion.stopped and self.coupling.master is None:
             self._emit("axis.fast_stop")
+            self.superposed.abort(CommandState.ABORTED, NO_ERROR)
             motion.stop(self.fast_stop.deceleration, self.fast_stop.jerk)
             return
         if self.coupling.master is not None:
@@ -529,13 +757,37 @@ class NcAxis:
             motion.stop(active.deceleration, active.jerk)
 
     def _control(self) -> None:
-        motion, encoder, monitoring = self.motion, self.encoder, self.monitoring
+        motion, encoder, monitoring, drive = self.motion, self.encoder, self.monitoring, self.drive
         position = encoder.position
-        error = self.following_error = motion.s - position
+        error = motion.s - position
         active = motion.active
-        output = self.controller.step(motion.v, motion.a, error, has_job=active is not None)
-        output += self.coupling.correction(error)
-        velocity = self.drive.step(self.controller.feedforward, output)
+        interface = self._interface
+        outputs = self._outputs
+        if interface == POSITION_INTERFACE:
+            device = self.device
+            target = drive.position(motion.s - encoder.correction, motion.v, motion.a, device.output_lead)
+            outputs.position = encoder.raw_of(target)
+            outputs.velocity = -motion.v if self._inverted.value else motion.v
+            outputs.gain = self._kv.value
+            drive.output = motion.v / drive.full
+            if self._extern.value:
+                error = encoder.increments_to_units(device.lag)
+        else:
+            control = self.controller.step(motion.v, motion.a, error, has_job=active is not None)
+            control += self.coupling.correction(error)
+            if interface == TORQUE_INTERFACE:
+                velocity = self.controller.feedforward + drive.limited(control)
+                drive.torque_step(
+                    self.velocity_controller.step(velocity, encoder.derivative, position, drive.actual_torque)
+                )
+                outputs.torque = drive.torque
+            else:
+                outputs.velocity = drive.step(self.controller.feedforward, control)
+                if drive.feeds_forward:
+                    drive.give_acceleration(motion.a)
+                    drive.give_torque(self.plc_to_nc.ExtTorque)
+                    outputs.torque, outputs.acceleration = drive.torque, drive.acceleration
+        self.following_error = error
         found = monitoring.watch_lag(error)
         if motion.has_target:
             arrived = motion.arrived
@@ -556,11 +808,9 @@ class NcAxis:
         found = found or self._limit_passed()
         if found:
             self.raise_error(found)
-            self.drive.off()
-            velocity = 0.0
+            drive.off()
         else:
             motion.finish(in_target=monitoring.reached or not monitoring.target_on)
-        self._send(velocity, enable=True)
 
     def _limit_passed(self) -> int:
         """Compare the set position with the software limits, in the direction of motion (NC-744)."""
@@ -574,29 +824,43 @@ class NcAxis:
             return LIMIT_MAX
         return NO_ERROR
 
-    def _send(self, velocity: float, *, enable: bool) -> None:
+    def _send(self, *, enable: bool) -> None:
+        outputs = self._outputs
         if self._reset:
             self._reset = self._reset - 1 if self.drive_error else 0
-        self._last_output = velocity
-        self.device.write(velocity, enable=enable, reset=self._acknowledges)
-
-    @property
-    def _acknowledges(self) -> bool:
+        if not self._closed or self.error_id:
+            outputs.velocity = outputs.torque = outputs.acceleration = 0.0
+            if self._interface == POSITION_INTERFACE:
+                outputs.position = self.device.raw
+        if self.discrete is not None:
+            outputs.image = self.discrete.image
+        outputs.enable = enable
         # Every second cycle: a drive acknowledges with an edge.
-        return self._reset & 2 != 0
+        outputs.reset = self._reset & 2 != 0
+        self.device.write(outputs)
 
     def repeat_outputs(self) -> None:
         """Send the outputs again in a SAF cycle in which the axis is not executed (NC-075)."""
-        self.device.write(self._last_output, enable=self._enabled, reset=self._acknowledges)
+        if not self.encoder_only:
+            self.device.write(self._outputs)
+
+    @property
+    def outputs(self) -> DriveOutputs:
+        """What the axis has given to its device last."""
+        return self._outputs
 
     def _publish(self) -> None:
         """Fill the image for the PLC."""
         image, motion, encoder = self.nc_to_plc, self.motion, self.encoder
         image.StateDWord = self.state_dword()
         image.ErrorCode = self.error_id
-        image.AxisState = 13 if self.coupling.master is not None else motion.axis_state()
+        if self.discrete is not None:
+            image.AxisState = self.discrete.sequence.state
+        else:
+            image.AxisState = 13 if self.coupling.master is not None else motion.axis_state()
         image.HomingState = self.homing.state
         image.SafEntries = len(motion.queue)
+        image.SvbEntries = len(self.prepared)
         image.OpModeDWord = self.op_mode_dword()
         position = encoder.position
         image.ActPos = position
@@ -611,6 +875,12 @@ class NcAxis:
         image.TargetPos = motion.target
         image.ModuloSetTurns, image.ModuloSetPos = encoder.modulo(motion.s)
         image.ActPosWithoutPosCorrection = encoder.uncorrected
+        image.ActTorque = self.drive.actual_torque
+        image.ActTorqueDerivative = self.drive.actual_torque_derivative
+        if self._interface == TORQUE_INTERFACE:
+            image.SetTorque = self.drive.output * FULL_TORQUE
+        elif self.drive.feeds_forward:
+            image.SetTorque = self.plc_to_nc.ExtTorque
         active = motion.active
         if active is not None:
             image.CmdNo = active.number & 0xFFFF
@@ -630,7 +900,11 @@ class NcAxis:
             word |= 1
         if self.encoder.homed:
             word |= 1 << 1
-        if motion.standing and (active is None or active.ended):
+        discrete = self.discrete
+        if discrete is not None:
+            if discrete.stands:
+                word |= 1 << 2
+        elif motion.standing and (active is None or active.ended) and self.superposed.command is None:
             word |= 1 << 2
         if monitoring.in_area:
             word |= 1 << 3
@@ -642,6 +916,8 @@ class NcAxis:
             word |= 1 << 8
             if active.kind == ENDLESS:
                 word |= 1 << 19
+        if discrete is not None:
+            velocity = float(discrete.direction)
         if velocity > 0.0:
             word |= 1 << 9
         elif velocity < 0.0:
@@ -650,6 +926,8 @@ class NcAxis:
             word |= 1 << 11
         if motion.constant:
             word |= 1 << 12
+        if self.superposed.command is not None:
+            word |= 1 << 13
         if motion.new_target:
             word |= 1 << 17
             motion.new_target = False

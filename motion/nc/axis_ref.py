@@ -44,6 +44,11 @@ class AxisRef:
         """`NcToPlc`: what the axis says, as of the last transfer."""
         self.Status = AxisStatus()
 
+    def restart(self, axis: NcAxis) -> None:
+        """Be the instance of the axis that the system has started with; what the program says stays."""
+        self.axis = axis
+        self.image = NcToPlc()
+
     @property
     def NcToPlc(self) -> NcToPlc:
         """What the axis says, as of the last transfer."""

@@ -136,6 +136,10 @@ class MC_Power(Block):
         written.ControlDWord = word
         written.Override = int(min(max(self.Override, 0.0), 100.0) * (FULL_OVERRIDE / 100.0))
         image = self.Axis.NcToPlc
+        if self.Enable and self.Axis.axis.encoder_only:  # it has nothing to enable (NC-066)
+            self.Error, self.ErrorID = True, BLOCK_NOT_PERMITTED
+            self.Status = self.Active = self.Busy = False
+            return
         self.Status = self.Active = bool(image.StateDWord & State.OPERATIONAL)
         self.Busy = bool(self.Enable)
         self.Error = bool(image.StateDWord & State.ERROR)
@@ -297,12 +301,13 @@ class MC_Home(ExecuteBlock):
         elif mode != HomingMode.MC_DefaultHoming:
             self._finish(BLOCK_MODE)
             return
+        elif axis.encoder_only:
+            self._finish(BLOCK_NOT_PERMITTED)
+            return
         else:
-            refused = axis.homing.start(position)
-            if refused:
-                self._finish(refused)
-            else:
-                self.Busy = True
+            axis.homing.request()
+            axis.prepared.append(lambda: axis.homing.start(position))
+            self.Busy = True
             return
         self._finish()
 
@@ -310,7 +315,7 @@ class MC_Home(ExecuteBlock):
     def _go_on(self) -> None:
         homing = self.Axis.axis.homing
         self.Active = homing.busy
-        if homing.busy or homing.application_request:
+        if homing.waiting or homing.busy or homing.application_request:
             return
         if homing.done or self.Axis.axis.homed:
             self._finish()

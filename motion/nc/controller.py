@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
@@ -18,6 +19,17 @@ IN_DRIVE: Final = 7
 """Index of the texts of `ctrl.type`."""
 _OFFSET_FEEDFORWARD: Final = 0.01
 """Share of full scale above which the automatic offset stands still (NC-560)."""
+
+
+class OffsetMode(Enum):
+    """What the automatic offset does when Auto Offset is switched off, or has to rest (NC-562)."""
+
+    OFF = "off"
+    """It is 0 at once; the output may step."""
+    FADE_OUT = "fade-out"
+    """It goes to zero on its own curve, which leaves no step in the output."""
+    HOLD = "hold"
+    """It stays as it is, for example while the power stage is off."""
 
 
 class Controller:
@@ -59,8 +71,8 @@ class Controller:
         self._last_error = 0.0
         self.offset = 0.0
         """Automatic offset, position unit/s (NC-558)."""
-        self.hold_offset = False
-        """The automatic offset is frozen, for example while the power stage is off (NC-562)."""
+        self.offset_mode = OffsetMode.FADE_OUT
+        """What the automatic offset does while it is not adjusted."""
         self.feedforward = 0.0
         """Velocity and acceleration feedforward of the last step, position unit/s."""
 
@@ -93,7 +105,7 @@ class Controller:
             output = self._two_gains(velocity) * error
         elif kind == PID:
             output = self._pid(error, full, has_job=has_job)
-        elif kind == P:
+        elif kind in {P, TORQUE_PID, TORQUE_OBSERVER}:
             output = self._kv.value * error
         else:
             output = 0.0
@@ -139,10 +151,13 @@ class Controller:
     def _offset(self, output: float, velocity: float, full: float) -> float:
         if not self._analog:
             return 0.0
+        if self.offset_mode is OffsetMode.HOLD:
+            return self.offset
         if not self._auto_offset.value:
-            # Fading out on its own curve leaves no step in the output.
+            if self.offset_mode is OffsetMode.OFF:
+                self.offset = 0.0
             self.offset -= self.offset * self._cycle_s / (self._cycle_s + self._offset_time.value)
-        elif not self.hold_offset and abs(self._weight.value * velocity) <= _OFFSET_FEEDFORWARD * full:
+        elif abs(self._weight.value * velocity) <= _OFFSET_FEEDFORWARD * full:
             limit = self._offset_limit.value * full
             offset = self.offset + output * self._cycle_s / self._offset_time.value
             self.offset = limit if offset > limit else max(offset, -limit)

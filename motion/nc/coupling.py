@@ -90,6 +90,14 @@ class Coupling:
         self._start = self._motion.s
         self._master_start = master.motion.s
 
+    def shift(self, offset: float) -> None:
+        """Follow the master at another distance, position unit: a superposed motion has ended."""
+        self._start += offset
+
+    def master_shifted(self, offset: float) -> None:
+        """Take note that the coordinate system of the master moves; the slave does not."""
+        self._master_start += offset
+
     def leave(self, own: CoupledAxis) -> None:
         """Be a slave no more."""
         if self.master is not None:

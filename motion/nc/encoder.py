@@ -74,6 +74,7 @@ class Encoder:
         self._mode = cell("enc.encoder_mode")
         self._modulo = cell("enc.modulo_factor")
         self._time_mode = cell("enc.time_comp_mode")
+        self._time_absolute = cell("enc.time_comp_absolute")
         self._time_cycles = cell("enc.time_comp_cycles")
         self._time_additional = cell("enc.time_comp_additional")
         self._low_on = cell("axis.soft_limit_min_enable")
@@ -85,6 +86,8 @@ class Encoder:
         self._acceleration_filter = Pt1(cell("enc.filter_time_acceleration"), cycle_s)
         self._offset = 0.0
         self._started = False
+        self._unwrapped = 0
+        self._range = 0
         self._last = 0.0
         self._last_velocity = 0.0
         self.hard_increments = 0
@@ -96,6 +99,8 @@ class Encoder:
         self.uncorrected = 0.0
         """Position before correction and filter (NC-292)."""
         self.position = 0.0
+        self.derivative = 0.0
+        """Derivative of the position without filter, position unit/s."""
         self.velocity = 0.0
         self.acceleration = 0.0
         self.homed = False
@@ -121,28 +126,48 @@ class Encoder:
         """How often the count has gone beyond its range, signed."""
         return self.soft_increments // self.span
 
-    def update(self, raw: int, correction: float = 0.0) -> int:
-        """Take over the count of this cycle; returns an error code, 0 for none."""
+    @property
+    def started(self) -> bool:
+        """Whether the position has been defined."""
+        return self._started
+
+    def update(self, raw: int, correction: float = 0.0, age_s: float = 0.0) -> int:
+        """Take over the count of this cycle; returns an error code, 0 for none.
+
+        Args:
+            raw: Count of the device.
+            correction: Position correction, position unit.
+            age_s: Time since the device took its value, by its time stamp, s; counts with
+                `enc.time_comp_absolute` (NC-287).
+
+        """
         error = NO_ERROR
         if not self._started:
             error = self.begin(raw, None)
         span = self.span
         step = wrap(raw - self.hard_increments, span)
-        if step and int(self._reference_system.value) == ABSOLUTE:
-            low = -(span // 2) if self._signed else 0
-            reached = (self.hard_increments - low) % span + step
-            if reached < 0:
-                error = ENCODER_UNDERFLOW
-            elif reached >= span:
-                error = ENCODER_OVERFLOW
+        if step and self._range:
+            self._unwrapped += step
+            beyond = self._unwrapped // self._range
+            if beyond:
+                error = self._beyond(beyond)
         self.hard_increments = raw
         self.soft_increments += -step if self._invert.value else step
-        self._form(correction)
+        self._form(correction, age_s)
         return error
 
-    def _form(self, correction: float) -> None:
+    def _beyond(self, overflows: int) -> int:
+        """Return the error of overflows of an absolute count, signed: none is allowed, or a single one
+        (NC-271, NC-274).
+        """
+        allowed = 0 if int(self._reference_system.value) == ABSOLUTE else 1
+        if abs(overflows) <= allowed:
+            return NO_ERROR
+        return ENCODER_OVERFLOW if overflows > 0 else ENCODER_UNDERFLOW
+
+    def _form(self, correction: float, age_s: float) -> None:
         position = self.soft_increments * self.scaling + self._bias.value + self._offset
-        velocity = (position - self._last) / self._cycle_s
+        self.derivative = velocity = (position - self._last) / self._cycle_s
         self._last = position
         mode = int(self._mode.value)
         acceleration = (velocity - self._last_velocity) / self._cycle_s
@@ -153,6 +178,8 @@ class Encoder:
         time_mode = self._time_mode.value
         if time_mode:
             delay = self._time_cycles.value * self._io_cycle_s + self._time_additional.value * 1e-6
+            if self._time_absolute.value:
+                delay += age_s
             position += velocity * delay
             if time_mode > 1.0:
                 position += 0.5 * acceleration * delay * delay
@@ -173,6 +200,11 @@ class Encoder:
         self._offset = 0.0
         system = int(self._reference_system.value)
         error = NO_ERROR
+        self._range = self.turn if system == SINGLETURN_RANGE else self.span
+        if system not in {ABSOLUTE, MULTITURN_RANGE, SINGLETURN_RANGE}:
+            self._range = 0  # overflows are counted without end
+        low = -(self.span // 2) if self._signed and system != SINGLETURN_RANGE else 0
+        self._unwrapped = (raw - low) % self._range if self._range else 0
         self.homed = system in {ABSOLUTE, MULTITURN_RANGE, SINGLETURN_RANGE}
         if system in {MULTITURN_RANGE, SINGLETURN_RANGE}:
             if not self._place_in_range(self.span if system == MULTITURN_RANGE else self.turn):
@@ -222,6 +254,18 @@ class Encoder:
         """Return the position of a count near the present one, for example a latched one (NC-313)."""
         step = wrap(raw - self.hard_increments, self.span)
         return self.uncorrected + (-step if self._invert.value else step) * self.scaling
+
+    def raw_of(self, position: float) -> int:
+        """Return the count at a position, for a drive that takes positions: signed 32 bit, wraps (NC-344,
+        NC-416).
+        """
+        step = round((position - self.uncorrected) / self.scaling)
+        count = self.hard_increments + (-step if self._invert.value else step)
+        return (count + 0x80000000 & 0xFFFFFFFF) - 0x80000000
+
+    def increments_to_units(self, increments: int) -> float:
+        """Return a difference of counts as a way, position unit (NC-404)."""
+        return (-increments if self._invert.value else increments) * self.scaling
 
     def retain(self) -> Retained:
         """Return what is to be kept over power-off."""

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
 ABSOLUTE: Final = 1
 RELATIVE: Final = 2
+_STEP: Final = 1.1
 
 
 class ExternalSetpoints:
@@ -31,6 +32,9 @@ class ExternalSetpoints:
         self._ending = False
         self.packets = 0
         """Packets taken over so far."""
+        self.step_size = 0.0
+        """Way of the set position by the last packet, position unit."""
+        self._jumped = False
 
     @property
     def enabled(self) -> bool:
@@ -75,6 +79,7 @@ class ExternalSetpoints:
     def step(self) -> None:
         """Take the packet of this cycle over, if it counts."""
         inputs, motion = self._inputs, self._motion
+        before = motion.s
         moves = inputs.ExtSetDirection != 0
         if moves or self._moved or self._ending:
             self.packets += 1
@@ -86,5 +91,15 @@ class ExternalSetpoints:
         if not moves:
             motion.set_offset(motion.offset, 0.0, 0.0)
         self._moved = moves
+        self.step_size = motion.s - before
         if self._ending:
             self.cancel()
+
+    def jumps(self, way: float) -> bool:
+        """Return whether the last packet stepped by more than a way and 10 %; of steps in a row the first
+        counts (NC-585).
+        """
+        too_far = abs(self.step_size) > way * _STEP
+        begins = too_far and not self._jumped
+        self._jumped = too_far
+        return begins

@@ -58,9 +58,16 @@ class NcAxisHandle:
         self._runtime = runtime
         self.ref = ref
         """`AXIS_REF` of the program: `ref.PlcToNc`, `ref.NcToPlc`, `ref.Status`."""
-        self.object: NcAxis = ref.axis
-        """The axis itself."""
         self._power: MC_Power | None = None
+
+    @property
+    def object(self) -> NcAxis:
+        """The axis itself; an activation of the configuration makes another one."""
+        return self.ref.axis
+
+    def trace_row(self) -> tuple[float, ...]:
+        """Return the values that are recorded for the present cycle."""
+        return self.ref.axis.trace_row()
 
     def __repr__(self) -> str:
         return f"<{self.summary()} ({self._runtime.scheduler.now * 1e-9:.3f} s)>"

@@ -47,6 +47,7 @@ class Homing:
         device: Its hardware.
         inputs: `PlcToNc` with the cam of the PLC.
         submit: Gives a motion command to the axis; returns the error code that refuses it.
+        shift: Moves the coordinate system of the axis.
 
     """
 
@@ -59,6 +60,7 @@ class Homing:
         device: Device,
         inputs: PlcToNc,
         submit: Callable[[Command], int],
+        shift: Callable[[float], None],
     ) -> None:
         cell = parameters.cell
         self._motion = motion
@@ -66,6 +68,7 @@ class Homing:
         self._device = device
         self._inputs = inputs
         self._submit = submit
+        self._shift = shift
         self._towards = cell("axis.homing_velocity_towards_cam")
         self._off = cell("axis.homing_velocity_off_cam")
         self._acceleration = cell("axis.default_acceleration")
@@ -75,7 +78,10 @@ class Homing:
         self._invert_sync = cell("enc.homing_invert_sync_search")
         self._mode = cell("enc.reference_mode")
         self._source = cell("enc.homing_sensor_source")
+        self._direct = parameters.read("drv.type") in {"MDP_703", "MDP_733"}
         self._command: Command | None = None
+        self.waiting = False
+        """The sequence waits for the SVB task."""
         self._search: MarkSearch | None = None
         self._home = 0.0
         self._sync = 0.0
@@ -96,18 +102,30 @@ class Homing:
         """Whether the reference cam is reached, from the source that is selected (NC-328, NC-329)."""
         source = int(self._source.value)
         if source:
+            if source <= 2 and self._direct:
+                return self._device.direct_inputs >> (source - 1) & 1 != 0
             return self._device.digital_inputs >> (source - 1) & 1 != 0
         return self._inputs.ControlDWord & _CAM != 0
+
+    def request(self) -> None:
+        """Take note that a sequence will start with the next cycle of the SVB task."""
+        self.done, self.error_id = False, NO_ERROR
+        self.waiting = True
 
     def start(self, home_position: float) -> int:
         """Begin; the sync event will have the position `home_position`.
 
         Returns:
-            An error code, 0 for none.
+            An error code, 0 for none; it is `error_id` as well.
 
         """
+        self.waiting = False
+        self.error_id = refused = self._start(home_position)
+        return refused
+
+    def _start(self, home_position: float) -> int:
         mode = int(self._mode.value)
-        self.done, self.error_id = False, NO_ERROR
+        self.done = False
         self._search = None
         if mode == APPLICATION:
             self.application_request = True
@@ -225,9 +243,7 @@ class Homing:
         self.state = _STOPPING
 
     def _take_reference(self) -> None:
-        offset = self._home - self._sync
-        self._encoder.shift(offset)
-        self._motion.shift(offset)
+        self._shift(self._home - self._sync)
         self._encoder.homed = True
         self.state = _AT_REST
         self.busy = False

@@ -45,6 +45,8 @@ class Motion:
         self.offset = 0.0
         """What external setpoints add to the position, position unit."""
         self.generator = SetpointGenerator()
+        self.plans = True
+        """Commands are executed by the generator; False: by something else (a discrete axis)."""
         self.active: Command | None = None
         self.queue: list[Command] = []
         self.limits_off = False
@@ -167,6 +169,8 @@ class Motion:
             self.new_target = True
         self._peak = 0.0
         self._direction = 0.0
+        if not self.plans:
+            return
         if command.kind == STOP:
             generator.start_stop(command.deceleration, command.jerk)
             return
@@ -214,7 +218,7 @@ class Motion:
         elif command.kind == CONTINUOUS:
             self._plan_through(command, velocity)
         else:
-            limit = self._limit_ahead(self._direction)
+            limit = self.limit_ahead(self._direction)
             if limit is None:
                 generator.start_velocity(self._direction * velocity, acceleration, deceleration, jerk)
             else:
@@ -231,7 +235,8 @@ class Motion:
             self._direction * velocity, command.acceleration, command.deceleration, command.jerk
         )
 
-    def _limit_ahead(self, direction: float) -> float | None:
+    def limit_ahead(self, direction: float) -> float | None:
+        """Return the software limit in a direction; None: there is none that counts."""
         if self.limits_off:
             return None
         if direction > 0.0:
@@ -243,7 +248,7 @@ class Motion:
         says.
         """
         mode = following.buffer_mode
-        if mode <= BufferMode.Buffered or running.kind != POSITION:
+        if mode <= BufferMode.Buffered or running.kind != POSITION or not self.plans:
             return
         velocity = {
             BufferMode.BlendingLow: min(running.velocity, following.velocity),
@@ -270,7 +275,7 @@ class Motion:
             return
         self._override = override
         active = self.active
-        if active is not None and active.kind != STOP and not self.arrived:
+        if active is not None and active.kind != STOP and self.plans and not self.arrived:
             self._plan(active)
 
     def step(self) -> None:
@@ -351,6 +356,15 @@ class Motion:
                     self.active = None
         elif kind == POSITION and self.arrived and in_target:
             self._end(active)
+
+    def complete(self, command: Command) -> None:
+        """End a command that something else has executed; the next one begins."""
+        if self.active is not command:
+            return
+        if command.kind == STOP and command.locks:
+            command.state = CommandState.DONE
+        else:
+            self._end(command)
 
     def _end(self, command: Command) -> None:
         command.state = CommandState.DONE

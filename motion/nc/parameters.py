@@ -7,6 +7,7 @@ changes while the axis runs. Both are checked in the same way; what is refused l
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from math import isfinite
@@ -18,6 +19,7 @@ from motion.nc.data import load
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+
 
 Value = bool | int | float | str
 """A value as a user writes it; an enumeration by its text."""
@@ -145,22 +147,64 @@ def known_key(key: str) -> str:
     return known
 
 
+def check_parameter(key: str, value: object, *, of_task: bool) -> None:
+    """Check a parameter of the tasks, or one of an axis, by its key.
+
+    Raises:
+        ConfigurationError: There is no such parameter, it is of the other kind, or it cannot have the value.
+
+    """
+    one = catalogue()[known_key(key)]
+    if (one.component == "task") is not of_task:
+        place = "in [axis.NAME.parameters]" if of_task else "in [nc.parameters], for all axes"
+        raise ConfigurationError(key, value, place)
+    one.check(value)
+
+
+class RefusedParameterError(ConfigurationError):
+    """A parameter cannot be changed in the present state of the axis.
+
+    Args:
+        key: The parameter.
+        value: What it was to become.
+        error_id: Error code that a PLC or an ADS client gets.
+        allowed: What would be accepted, in words.
+
+    """
+
+    def __init__(self, key: str, value: object, error_id: int, allowed: str) -> None:
+        super().__init__(key, value, allowed, problem=f"is refused with 0x{error_id:04X}")
+        self.error_id = error_id
+
+
+Guard = Callable[[Value], tuple[int, str] | None]
+"""Gets the new value of a parameter; returns the error code that refuses it and what is allowed, or None."""
+
+
 class ParameterSet:
     """The parameters of one axis, its components and its task, with the values in effect.
 
     Args:
         values: Values by key; every other parameter has its default.
+        tasks: The set whose task parameters these are as well; None: own ones.
 
     Raises:
         ConfigurationError: With every parameter that there is not, or that cannot have its value.
 
     """
 
-    def __init__(self, values: Mapping[str, object] | None = None) -> None:
+    def __init__(
+        self, values: Mapping[str, object] | None = None, *, tasks: ParameterSet | None = None
+    ) -> None:
         self._cells: dict[str, Cell[float]] = {}
         self._texts: dict[str, str] = {}
+        self.guards: dict[str, Guard] = {}
+        """What decides whether a parameter may change in the present state, by key."""
         for key, one in catalogue().items():
-            self._keep(one, one.check(one.default), new=key)
+            if tasks is not None and one.component == "task":
+                self._cells[key] = tasks.cell(key)
+            else:
+                self._keep(one, one.check(one.default), new=key)
         errors = ErrorCollector()
         for key, value in (values or {}).items():
             with errors.located(""):
@@ -168,7 +212,10 @@ class ParameterSet:
                 self._keep(one, one.check(value))
         errors.check()
         self._check_together()
-        self._given = {known_key(key) for key in values or {}}
+        for key, value in (values or {}).items():
+            with errors.located(""):
+                self._check_present(catalogue()[known_key(key)], value)
+        errors.check()
 
     def _keep(self, one: Parameter, value: Value, *, new: str = "") -> None:
         if new:
@@ -207,18 +254,61 @@ class ParameterSet:
 
         Raises:
             ConfigurationError: There is no such parameter, or it cannot have the value, alone or together
-            with
-                the others. The value is as before then.
+                with the others, or not in the present state. The value is as before then.
 
         """
-        one = catalogue()[known_key(key)]
-        before = self.read(one.key)
-        self._keep(one, one.check(value))
+        self.write_all({key: value})
+
+    def write_all(self, values: Mapping[str, object]) -> None:
+        """Change several values at once; they act from the next cycle on.
+
+        Raises:
+            ConfigurationError: One of them is refused, alone or together with the others. All values are as
+                before then.
+
+        """
+        new: dict[Parameter, Value] = {}
+        for key, value in values.items():
+            one = catalogue()[known_key(key)]
+            new[one] = checked = one.check(value)
+            guard = self.guards.get(one.key)
+            refused = guard(checked) if guard is not None and checked != self.read(one.key) else None
+            if refused is not None:
+                raise RefusedParameterError(one.key, value, *refused)
+        before = {one: self.read(one.key) for one in new}
+        for one, checked in new.items():
+            self._keep(one, checked)
         try:
             self._check_together()
+            for one, checked in new.items():
+                self._check_present(one, checked)
         except ConfigurationError:
-            self._keep(one, before)
+            for one, old in before.items():
+                self._keep(one, old)
             raise
+
+    @property
+    def controller_type(self) -> str:
+        """Text of `ctrl.type`."""
+        return str(self.read("ctrl.type"))
+
+    def present(self, key: str) -> bool:
+        """Return whether the controller of the axis has a parameter (NC-482 to NC-515)."""
+        types = catalogue()[known_key(key)].controller_types
+        return not types or self.controller_type in types
+
+    def _check_present(self, one: Parameter, value: object) -> None:
+        if value != one.default and not self.present(one.key):
+            raise ConfigurationError(
+                one.key,
+                value,
+                f"its default {one.default}; these controllers have it: {', '.join(one.controller_types)}",
+                problem=f"is not possible with {self.controller_type!r}",
+            )
+
+    def unit(self, key: str) -> str:
+        """Return the unit of a parameter, with the base unit of the axis (NC-071)."""
+        return catalogue()[known_key(key)].unit.replace("mm", self._texts["axis.unit"])
 
     def _check_together(self) -> None:
         """Check what one value says of another (NC-082, NC-083, NC-076, NC-100)."""

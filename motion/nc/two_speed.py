@@ -80,6 +80,32 @@ class TwoSpeed:
         """Whether the brake is applied."""
         return self.control_byte & 0x80 != 0
 
+    @property
+    def _loop(self) -> float:
+        return self._looping_distance.value if self._looping.value else 0.0
+
+    def refusal(self, velocity: float) -> int:
+        """Return the error code with which a command of a velocity is refused, 0 for none."""
+        if velocity <= 0.0:
+            return VELOCITY_NOT_ALLOWED
+        loop = self._loop
+        if loop and abs(loop) < max(self._braking[1].value, self._braking[-1].value):
+            return LOOPING_TOO_SMALL
+        return NO_ERROR
+
+    @property
+    def direction(self) -> int:
+        """Direction in which it travels, -1 or 1; 0 while no speed is on."""
+        return self._direction if self.control_byte & 0x0F else 0
+
+    def abort(self) -> None:
+        """Switch off and apply the brake at once."""
+        self.state = IDLE
+        self._approach = None
+        self._releasing = False
+        self._stop_from, self._stopping = None, False
+        self.control_byte, self.ext_control_byte = _STOPPED
+
     def start(self, position: float, target: float, velocity: float) -> int:
         """Begin a motion to `target`; one that is not longer than the braking distance is over at once
         (NC-608).
@@ -93,11 +119,10 @@ class TwoSpeed:
             An error code, 0 for none.
 
         """
-        if velocity <= 0.0:
-            return VELOCITY_NOT_ALLOWED
-        loop = self._looping_distance.value if self._looping.value else 0.0
-        if loop and abs(loop) < max(self._braking[1].value, self._braking[-1].value):
-            return LOOPING_TOO_SMALL
+        refused = self.refusal(velocity)
+        if refused:
+            return refused
+        loop = self._loop
         way = target - position
         direction = 1 if way > 0.0 else -1
         self.state = IDLE

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from motion.nc.controller import Controller
+from motion.nc.controller import Controller, OffsetMode
 from motion.nc.drive import DIGITAL, Drive
 from motion.nc.encoder import Encoder, Retained
 from motion.nc.parameters import ParameterSet, catalogue
@@ -31,7 +31,14 @@ def _controller(analog=False, **values):
         "P": "Position controller P",
     }
     values["ctrl__type"] = kind[values.pop("kind", "P")]
-    return Controller(ParameterSet(_values(values)), cycle_s=T, analog=analog)
+    return Controller(_set(values), cycle_s=T, analog=analog)
+
+
+def _set(values):
+    """Return a set with those values that its controller has."""
+    given = _values(values)
+    one = ParameterSet({"ctrl.type": given.get("ctrl.type", "Position controller P")})
+    return ParameterSet({key: value for key, value in given.items() if one.present(key)})
 
 
 # -- encoder
@@ -397,9 +404,7 @@ def test_dead_band():
         )
         for error, output in ((0.04, 0.0), (0.05, 0.0), (-0.05, 0.0), (0.051, 0.51), (-0.06, -0.6)):
             assert controller.step(0.0, 0.0, error, has_job=False) == pytest.approx(output)
-    assert _controller(ctrl__pos_dead_band=0.05, ctrl__pos_kv=10.0).step(
-        0.0, 0.0, 0.04, has_job=False
-    ) == pytest.approx(0.4)
+    assert _controller(ctrl__pos_kv=10.0).step(0.0, 0.0, 0.04, has_job=False) == pytest.approx(0.4)
 
 
 @pytest.mark.requirement("NC-520", "NC-523", "NC-525", "NC-532")
@@ -479,11 +484,17 @@ def test_automatic_offset():
     assert run(_controller(analog=True, **on), 5000, velocity=22.0) == pytest.approx(22.0)
     parameters = ParameterSet(_values(on))
     controller = Controller(parameters, cycle_s=T, analog=True)
+    run(controller, 50)
+    parameters.write("ctrl.auto_offset", False)
+    controller.offset_mode = OffsetMode.OFF
+    assert run(controller, 1) == 0.0
+    parameters.write("ctrl.auto_offset", True)
+    controller.offset_mode = OffsetMode.FADE_OUT
     held = run(controller, 50)
     assert held == pytest.approx(10.0)
-    controller.hold_offset = True
+    controller.offset_mode = OffsetMode.HOLD
     assert run(controller, 500) == held
-    controller.hold_offset = False
+    controller.offset_mode = OffsetMode.FADE_OUT
     parameters.write("ctrl.auto_offset", False)
     faded = [run(controller, 1) for _ in range(500)]
     steps = [before - after for before, after in pairwise(faded)]

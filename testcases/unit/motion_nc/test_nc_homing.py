@@ -105,7 +105,7 @@ def test_default_sequence(subtests):
                 enc__home_position=100.0,
             )
             rig = machine.rig
-            rig.cycles(5)
+            rig.cycles(8)
             assert rig.status("HomingBusy")
             assert not rig.status("Homed")
             machine.run()

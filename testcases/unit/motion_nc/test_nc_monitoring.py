@@ -239,22 +239,43 @@ def test_drive_error_tolerance(subtests):
 
 
 @pytest.mark.requirement("NC-427", "NC-781", "NC-747")
-def test_invalid_data():
-    """Invalid data keep the last values and show the flag; for more than three cycles they are an error."""
-    for cycles in range(1, 6):
-        rig = Rig().enabled()
-        rig.until(rig.handle.move_velocity(50.0).in_velocity)
-        rig.device.valid = False
-        rig.cycles(1)
-        kept = rig.axis.position
-        assert rig.status("IoDataInvalid")
-        rig.cycles(cycles - 1)
-        assert rig.axis.position == kept
-        rig.device.valid = True
-        rig.cycles(1)
-        assert not rig.status("IoDataInvalid")
-        assert rig.axis.error is (cycles > 3)
-        assert rig.handle.error_id == (0x4655 if cycles > 3 else 0)
+def test_invalid_data(subtests):
+    """Invalid data of encoder or drive keep the last values and show the flag; for more than three cycles, or
+    as many as are set, they are an error with a code of its own.
+    """
+    for name, code in (("encoder_valid", 0x4466), ("valid", 0x4655)):
+        for cycles, allowed in (*((one, 3) for one in range(1, 6)), (2, 1), (5, 5)):
+            with subtests.test(name, cycles=cycles, allowed=allowed):
+                rig = Rig().enabled()
+                rig.axis.invalid_cycles = allowed
+                rig.until(rig.handle.move_velocity(50.0).in_velocity)
+                setattr(rig.device, name, False)
+                rig.cycles(1)
+                kept = rig.axis.position
+                assert rig.status("IoDataInvalid")
+                rig.cycles(cycles - 1)
+                assert (rig.axis.position == kept) is (name == "encoder_valid" or cycles == 1)
+                setattr(rig.device, name, True)
+                rig.cycles(1)
+                assert not rig.status("IoDataInvalid")
+                assert rig.handle.error_id == (code if cycles > allowed else 0)
+
+
+@pytest.mark.requirement("NC-745", "NC-750")
+def test_encoder_fault_and_life_counter():
+    """A faulty encoder is 0x4464; data that stay away because the sign of life stands still are 0x4651."""
+    rig = Rig().enabled()
+    rig.device.encoder_fault = True
+    rig.cycles(2)
+    assert rig.handle.error_id == 0x4464
+    assert rig.status("Error")
+    assert not rig.status("Operational")
+    rig = Rig().enabled()
+    rig.device.valid = rig.device.encoder_valid = False
+    rig.device.life_lost = True
+    rig.cycles(4)
+    assert rig.handle.error_id == 0x4651
+    assert rig.status("Error")
 
 
 @pytest.mark.requirement("NC-472")
