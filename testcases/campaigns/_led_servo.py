@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from struct import pack, unpack
+from struct import pack
 from typing import Final
 
 from fieldbus.canopen import NmtCommand
@@ -161,9 +161,7 @@ class Node:
         for cob_id in cob_ids:
             self._master.subscribe(
                 cob_id,
-                lambda data, time_ns, cob_id=cob_id: self.frames.append(
-                    (time_ns * 1e-9, cob_id, bytes(data))
-                ),
+                lambda data, time_ns, cob_id=cob_id: self.frames.append((time_ns / 1e9, cob_id, bytes(data))),
             )
 
     def taken(self, cob_id: int) -> list[bytes]:
@@ -234,8 +232,3 @@ class Node:
 def words(*numbers: int) -> bytes:
     """Return little-endian words of 16 bits."""
     return b"".join(pack("<H", number & 0xFFFF) for number in numbers)
-
-
-def long(data: bytes, at: int = 0) -> int:
-    """Return a signed number of 32 bits in a frame."""
-    return int(unpack("<i", data[at : at + 4])[0])
