@@ -50,7 +50,7 @@ class ShippedCampaign:
 _BOTH: Final = ("reference", "profidrive")
 
 SHIPPED: Final = (
-    ShippedCampaign("stop_modes", demo=True, seeding=_BOTH),
+    ShippedCampaign("stop_modes", demo=True, seeding=(*_BOTH, "analog", "stepper")),
     ShippedCampaign("fault_reactions", demo=True, seeding=_BOTH),
     ShippedCampaign("drive_faults", demo=True, seeding=_BOTH),
     ShippedCampaign("telegram_faults", demo=True, seeding=("profidrive",)),
@@ -60,11 +60,13 @@ SHIPPED: Final = (
     ShippedCampaign("holding_brake", seeding=("own",)),
     ShippedCampaign("cia402_drive", seeding=("own",)),
     ShippedCampaign("cia402_modes", seeding=("own",)),
+    ShippedCampaign("canopen_services", seeding=("own",)),
     ShippedCampaign("nc_axes", seeding=("own",)),
     ShippedCampaign("profidrive_words", seeding=("own",)),
+    ShippedCampaign("profidrive_positioner", seeding=("own",)),
     ShippedCampaign("modbus_faults", seeding=("own",)),
     ShippedCampaign("axis_motion", seeding=("own",)),
-    ShippedCampaign("limits", seeding=("reference",)),
+    ShippedCampaign("limits", seeding=("reference", "analog")),
     ShippedCampaign("monitoring", seeding=("reference",)),
     ShippedCampaign("control", seeding=("profidrive",)),
     ShippedCampaign("motion_in", seeding=("reference",)),

@@ -19,6 +19,7 @@ from testcases.campaigns import (
     axis_faults,
     axis_motion,
     axis_signals,
+    canopen_services,
     cia402_drive,
     cia402_modes,
     commissioning,
@@ -33,6 +34,7 @@ from testcases.campaigns import (
     monitoring,
     motion_in,
     nc_axes,
+    profidrive_positioner,
     profidrive_words,
     stop_modes,
     telegram_faults,
@@ -57,6 +59,7 @@ ON_CANOPEN = (*SMALL_ON_CANOPEN, *LARGE)
 ON_PROFIDRIVE = (drive_faults.CAMPAIGN, telegram_faults.CAMPAIGN)
 SAMPLED_ON_PROFIDRIVE = (*LARGE, monitoring.CAMPAIGN)
 """What the controller does, whatever its drive; causes inside of a drive are in the campaigns above."""
+POSITIONER = "testcases.campaigns.profidrive_positioner:BENCH"
 WITH_ENCODERS = "testcases.campaigns.external_encoder:{}"
 BLOCKED = {
     ("profidrive", "drive-faults/withdrawn/constant"): "offers no force_switch_on_disabled",
@@ -152,6 +155,8 @@ def bench_file(name):
         *cases("testcases.campaigns._hanging_load:BENCH", "cia402", [holding_brake.CAMPAIGN]),
         *cases("testcases.campaigns._led_drive:BENCH", "profidrive", [profidrive_words.CAMPAIGN]),
         *cases("testcases.campaigns._led_servo:BENCH", "cia402", [cia402_modes.CAMPAIGN], sampled=True),
+        *cases("testcases.campaigns._led_servo:BENCH", "cia402", [canopen_services.CAMPAIGN], sampled=True),
+        *cases(POSITIONER, "profidrive", [profidrive_positioner.CAMPAIGN], sampled=True),
         *cases("testcases.campaigns.nc_axes:BENCH", "cia402", [nc_axes.CAMPAIGN], sampled=True),
         *cases(WITH_ENCODERS.format("REFERENCE"), "cia402", [external_encoder.CAMPAIGN], sampled=True),
         *cases(WITH_ENCODERS.format("PROFIDRIVE"), "profidrive", [external_encoder.CAMPAIGN], sampled=True),
