@@ -18,6 +18,7 @@ from hil.expect._events import (
     no_alarm,
     state_at,
 )
+from hil.expect._following import follows
 from hil.expect._measure import StopMeasurement, measure_stop
 from hil.expect._search_rules import undecided_until
 from hil.expect._settling import disabled, settles_within, telegram_bits
@@ -65,6 +66,7 @@ __all__ = [
     "evaluate",
     "event",
     "event_order",
+    "follows",
     "happens",
     "job_output",
     "measure_stop",

@@ -28,6 +28,7 @@ from hil.expect._setpoint_rules import (
     check_position_continuity,
     check_stop_travel,
 )
+from hil.expect._synchronous_rules import check_synchronous_operation
 from hil.expect._wording import rule_sentence
 from hil.expect._words import cia402_state, normal_state
 from hil.record import Trace
@@ -371,6 +372,7 @@ ALWAYS_ON: Final[tuple[Checker, ...]] = (
     check_profidrive_sign_of_life,
     check_log_words,
     check_log_signs_of_life,
+    check_synchronous_operation,
 )
 """The checkers that judge every case."""
 

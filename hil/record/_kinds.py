@@ -27,6 +27,7 @@ EVENT_KINDS: Final = MappingProxyType(
         "axis.feed_missing": "an NC axis has no feed enable in the direction in which it is to move",
         "axis.homed": "the axis is homed, or no longer",
         "axis.reset": "the error of an NC axis is reset",
+        "axis.follows": "a synchronous job takes over: leading object, gear or cam",
         "axis.sensor": "another encoder controls the position",
         "axis.setpoint_step": "an external setpoint of an NC axis steps further than its maximum velocity",
         "axis.state": "the axis changes its state",

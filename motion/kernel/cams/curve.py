@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 
-from motion.kernel.cams.pieces import Piece, Values
+from motion.kernel.cams.pieces import Piece, Polynomial, Values
 
 
 class Curve:
@@ -44,6 +44,23 @@ class Curve:
                 return self._at(edge).evaluate(edge)[0], 0.0, 0.0
             piece = self._piece = self._at(x)
         return piece.evaluate(x)
+
+    def coefficients(self) -> list[tuple[float, ...]] | None:
+        """Return the pieces as numbers: start, end, origin of the argument, coefficients of s^0 to s^6,
+        factor of a sine, rate and phase of its argument; None where a piece is no such polynomial.
+        """
+        found: list[tuple[float, ...]] = []
+        for piece in self.pieces:
+            if not isinstance(piece, Polynomial):
+                return None
+            found.append(
+                (
+                    piece.start, piece.end, piece.origin,
+                    piece.a0, piece.a1, piece.a2, piece.a3, piece.a4, piece.a5, piece.a6,
+                    piece.amplitude, piece.rate, piece.phase,
+                )
+            )  # fmt: skip
+        return found
 
     def third(self, x: float) -> float:
         """Return the third derivative; 0 outside of the definition range."""

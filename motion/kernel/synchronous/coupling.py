@@ -32,6 +32,10 @@ class Coupling(Protocol):
     """Derivative of the position by the leading position; of a synchronous axis."""
     curvature: float
     """Its second derivative."""
+    base_x: float
+    """Leading position at which the function of positions has its zero; of a synchronous axis."""
+    base_y: float
+    """The same of the following position."""
 
     def begin(self, s: float, v: float, a: float) -> None:
         """Start from the present setpoints of the following axis."""

@@ -41,8 +41,6 @@ class GearCoupling:
         self._denominator = denominator
         self._ratio = numerator / denominator
         self._approach = SetpointGenerator()
-        self._x = 0.0
-        self._y = 0.0
         self._direction = 0.0
         self.synchronous = False
         """Whether the axis has reached its leading value."""
@@ -52,6 +50,10 @@ class GearCoupling:
         """Derivative of the position by the leading position, once synchronous."""
         self.curvature = 0.0
         """Its second derivative."""
+        self.base_x = 0.0
+        """Leading position at which the axis reached its leading value, where positions keep the relation."""
+        self.base_y = 0.0
+        """The same of the following position."""
         self.reversed = False
         """Whether the leading value has turned round before the axis had reached it (SYN-127)."""
         self.s = 0.0
@@ -72,7 +74,7 @@ class GearCoupling:
     def shift(self, offset: float) -> None:
         """Follow a shift of the coordinate system of the following axis, position unit."""
         self.s += offset
-        self._y += offset
+        self.base_y += offset
 
     def step(self, cycle_s: float, maximum: float, limits: tuple[float, float, float]) -> None:
         """Go on by one cycle.
@@ -102,7 +104,7 @@ class GearCoupling:
         if self.by_velocity:
             self.s += 0.5 * (before + self.v) * cycle_s
         else:
-            self.s = self._y + self._numerator * (leading.position - self._x) / self._denominator
+            self.s = self.base_y + self._numerator * (leading.position - self.base_x) / self._denominator
         self.a = self._ratio * leading.acceleration
 
     def _synchronise(self, cycle_s: float, maximum: float, limits: tuple[float, float, float]) -> None:
@@ -136,4 +138,4 @@ class GearCoupling:
         if approach.done and reachable:
             self.synchronous = True
             leading.sense = 0.0
-            self._x, self._y = leading.position, self.s
+            self.base_x, self.base_y = leading.position, self.s

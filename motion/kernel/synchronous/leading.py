@@ -52,7 +52,9 @@ class LeadingMotion:
         """Phase shift, position unit of the leading object; None: there has been none."""
         self.valid = valid()
         """Whether the leading object gives a value; False ends the coupling with alarm 601."""
-        self.effective_position = value()[0] + self._additive.position
+        self.given = value()[0]
+        """What the leading object gave in this cycle, its position unit."""
+        self.effective_position = self.given + self._additive.position
         """Effective leading position, position unit of the leading object."""
         self.effective_velocity = 0.0
         """Its velocity, position unit per second."""
@@ -79,6 +81,7 @@ class LeadingMotion:
             self.increment = self.effective_increment = 0.0
             return
         position, velocity, acceleration = self._value()
+        self.given = position
         additive = self._additive
         if additive.owner is not None:
             position += additive.position

@@ -91,6 +91,7 @@ class DistanceLeaving:
         self.ended = False
         self.s = self.v = self.a = 0.0
         self.slope = self.curvature = 0.0
+        self.base_x = self.base_y = 0.0
 
     def due(
         self,
@@ -215,6 +216,7 @@ class TimeLeaving:
         self.ended = False
         self.s = self.v = self.a = 0.0
         self.slope = self.curvature = 0.0
+        self.base_x = self.base_y = 0.0
         self._from = (0.0, 0.0, 0.0)
 
     def due(

@@ -48,7 +48,7 @@ from motion.s7.axis.enabling import EnableControl, EnableSettings
 from motion.s7.axis.hardware_limits import HardwareLimits
 from motion.s7.axis.homing.direct import home_directly
 from motion.s7.axis.jobs import ERROR_ALARM
-from motion.s7.axis.motion import MotionControl
+from motion.s7.axis.motion import PHASES, MotionControl
 from motion.s7.axis.override import BEFORE_V9, V9
 from motion.s7.axis.position_parts import PositionParts
 from motion.s7.axis.ramp_times import RampTimes
@@ -123,6 +123,19 @@ TRACE_COLUMNS: Final[tuple[tuple[str, str], ...]] = (
     ("additive_torque", "Nm"),
 )
 """Name and unit of every value, for an axis in mm with a standard motor."""
+SYNCHRONOUS_COLUMNS: Final[tuple[tuple[str, str], ...]] = (
+    ("leading_position", ""),
+    ("leading_velocity", ""),
+    ("leading_shift", ""),
+    ("function_position", "mm"),
+    ("leading_zero", ""),
+    ("following_zero", "mm"),
+    ("sync_phase", ""),
+)
+"""The same of a synchronous axis: leading value that its function gets, in the unit of the leading object, by
+how much that is shifted, following position by the function, where the function has its zero, phase. Not a
+number where the axis follows nothing.
+"""
 
 
 class TechnologyAxis(TechnologyObject):
@@ -318,7 +331,7 @@ class TechnologyAxis(TechnologyObject):
             )
         )
         if self.has_position:
-            self.trace_columns = _columns(store)
+            self.trace_columns = _columns(store, self.trace_columns)
 
     def _preset(
         self,
@@ -1132,9 +1145,18 @@ class SynchronousAxis(TechnologyAxis):
     object_type = "SynchronousAxis"
     kinds: ClassVar[tuple[str, ...]] = ("SynchronousAxis", "PositioningAxis")
     has_position = True
+    trace_columns = (*TRACE_COLUMNS, *SYNCHRONOUS_COLUMNS)
+    trace_enums: ClassVar[dict[str, dict[int, str]]] = {
+        **TechnologyAxis.trace_enums,
+        "sync_phase": dict(enumerate(PHASES)),
+    }
+
+    @override
+    def trace_row(self) -> tuple[float, ...]:
+        return (*super().trace_row(), *self.motion.synchronous_row())
 
 
-def _columns(store: VariableStore) -> tuple[tuple[str, str], ...]:
+def _columns(store: VariableStore, columns: tuple[tuple[str, str], ...]) -> tuple[tuple[str, str], ...]:
     """Return the columns of the trace: velocities in position units per second, whatever the velocity unit of
     the axis is.
     """
@@ -1142,4 +1164,4 @@ def _columns(store: VariableStore) -> tuple[tuple[str, str], ...]:
     names = {"mm": unit, "mm/s": f"{unit}/s", "mm/s2": f"{unit}/s2"}
     if store.read("Actor.MotorType") == 1:
         names |= {"rpm": "m/min", "Nm": "N"}
-    return tuple((name, names.get(token, token)) for name, token in TRACE_COLUMNS)
+    return tuple((name, names.get(token, token)) for name, token in columns)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from fieldbus.history import History
+    from fieldbus.history import History, Scalar
     from motion.kernel.synchronous import Coupling, Leaving, Shift, Waiting
 
 NO_ERROR: Final = 0x0000
@@ -166,6 +166,7 @@ class Job:
         "distance",
         "entry",
         "error_id",
+        "follows",
         "function",
         "history",
         "in_velocity",
@@ -242,6 +243,8 @@ class Job:
         """Superimposed motion goes on when the job takes over (`MC_CamIn` at the end of a cam, SYN-260)."""
         self.function = 0
         """`StatusSynchronizedMotion.FunctionState` of a synchronous job (SYN-034)."""
+        self.follows: Mapping[str, Scalar] | None = None
+        """What a synchronous job follows, and by which function, for the event log; None: nothing."""
         self.cam_number = 0
         """Number of the data block of its cam; 0 without one."""
         self.on_end: Callable[[], object] | None = None
@@ -271,6 +274,8 @@ class Job:
         """Take control (MC-060)."""
         self.state = JobState.ACTIVE
         self._log("job.active")
+        if self.follows is not None and self.history is not None:
+            self.history.emit(self.source, "axis.follows", job=self.name, **self.follows)
 
     def set_in_velocity(self, reached: bool) -> None:
         """Show that the commanded velocity is reached, or left again."""

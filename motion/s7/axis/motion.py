@@ -5,7 +5,7 @@ Override tables, MC-265, STP-433 to STP-444.
 
 from __future__ import annotations
 
-from math import copysign, inf, sqrt
+from math import copysign, inf, nan, sqrt
 from typing import TYPE_CHECKING, Final
 
 from motion.kernel.superposition import Superposition
@@ -64,6 +64,11 @@ _STOP_SEVERITY: Final = {0: 3, 2: 2, 3: 1}
 """Severity of `MC_Stop` by its mode (STP-433 to STP-435)."""
 _BY_VELOCITY: Final = ("MC_MoveVelocity", "MC_MoveJog", "MC_MotionInVelocity")
 """Jobs whose direction is that of their velocity."""
+
+PHASES: Final = ("none", "waiting", "synchronising", "synchronous", "desynchronising", "simulated")
+"""Phases of synchronous operation, by their number in a recording."""
+_NONE, _WAITING, _SYNCHRONISING, _SYNCHRONOUS, _DESYNCHRONISING, _SIMULATED = range(len(PHASES))
+_NO_LEADING_VALUE: Final = (nan, nan, nan, nan, nan, nan)
 
 # Names of the module, because in every cycle an attribute of an enumeration would cost more than what is done
 # with it.
@@ -510,6 +515,44 @@ class MotionControl:
     def following_job(self) -> Job | None:
         """The synchronous job in control, or the one in simulation; None without one."""
         return self.synchronous_job if self.simulated is None else self.simulated
+
+    def synchronous_row(self) -> tuple[float, float, float, float, float, float, int]:
+        """Return what a recording shows of synchronous operation: leading position and velocity that the
+        function gets, what they differ by from the leading object, following position by the function, both
+        positions of its zero, and the phase (`PHASES`).
+        """
+        job = self.following_job
+        if job is None or job.coupling is None:
+            entering = self.entering
+            if entering is None or entering.entry is None:
+                return (*_NO_LEADING_VALUE, _NONE)
+            leading = entering.entry.leading
+            return (
+                leading.position,
+                leading.velocity,
+                leading.position - leading.given,
+                self.gen.s,
+                0.0,
+                0.0,
+                _WAITING,
+            )
+        coupling, leading = job.coupling, job.coupling.leading
+        beside = self._carried + (0.0 if job.offset is None else job.offset.value)
+        if self.simulated is not None:
+            phase = _SIMULATED
+        elif job.job_class is JobClass.DESYNCHRONISE:
+            phase = _DESYNCHRONISING
+        else:
+            phase = _SYNCHRONOUS if job.synchronous else _SYNCHRONISING
+        return (
+            leading.position,
+            leading.velocity,
+            leading.position - leading.given,
+            coupling.s + beside,
+            coupling.base_x,
+            coupling.base_y + beside,
+            phase,
+        )
 
     # -- simulated synchronous operation (SYN section 7.8)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from itertools import count
 from typing import TYPE_CHECKING, ClassVar, Final
@@ -30,6 +31,8 @@ ERROR_INTERPOLATING: Final = 0x80E8
 ALARM_CONFIGURATION: Final = 101
 ALARM_RESTART_REFUSED: Final = 322
 
+_LOGGED_PIECES: Final = 200
+"""Pieces up to which a function stands in the event log."""
 INTERPOLATED_PER_CYCLE: Final = 500
 """Points and segments that an interpolation gets done in one application cycle (CAM-054)."""
 COPIED_PER_CYCLE: Final = 1000
@@ -128,6 +131,14 @@ class _Range:
             self.segments, self.source = segments[0].elements, segments[1] - segments[0].bounds.lower
 
 
+def _text_of(curve: Curve) -> str:
+    """Return the pieces of a curve for the event log, as JSON; empty: it has too many, or others than
+    polynomials.
+    """
+    pieces = curve.coefficients() if len(curve.pieces) <= _LOGGED_PIECES else None
+    return "" if pieces is None else json.dumps(pieces)
+
+
 class Cam:
     """`TO_Cam` or `TO_Cam_10k`: a function that following axes follow.
 
@@ -223,7 +234,9 @@ class Cam:
         self.curve = curve
         self._inverse = None
         if self.history is not None:
-            self.history.emit(self.name, "cam.interpolated", start=curve.start, end=curve.end)
+            self.history.emit(
+                self.name, "cam.interpolated", start=curve.start, end=curve.end, function=_text_of(curve)
+            )
 
     # -- jobs
 

@@ -32,6 +32,7 @@ from motion.s7.instructions.dynamics import POSITION_LIMIT, is_number, is_whole,
 from motion.s7.instructions.gear import (
     CAMMING,
     LEADING_TYPES,
+    leader_facts,
     leading_motion,
     not_homed,
     unfit_leader,
@@ -140,6 +141,15 @@ class MC_CamIn(ExecuteInstruction):
         if isinstance(coupling, int):
             return coupling
         job.function, job.cam_number, job.leader_number = CAMMING, cam.db_number, leader.db_number
+        job.follows = {
+            **leader_facts(axis, leader),
+            "cam": cam.name,
+            "mode": self.ApplicationMode,
+            "master_scaling": float(self.MasterScaling),
+            "slave_scaling": float(self.SlaveScaling),
+            "master": float(self.MasterOffset) if entry in _SHIFTS_LEADING else 0.0,
+            "slave": float(self.SlaveOffset) if entry in _SHIFTS_FOLLOWING else 0.0,
+        }
         job.position_controlled = True
         job.keeps_superimposed = entry is Entry.AT_END
         job.coupling = job.entry = coupling

@@ -30,6 +30,7 @@ from motion.s7.instructions.base import DEFAULT, ExecuteInstruction
 from motion.s7.instructions.dynamics import POSITION_LIMIT, is_number, is_whole, resolve
 
 if TYPE_CHECKING:
+    from fieldbus.history import Scalar
     from motion.s7.axis.axis import TechnologyAxis
 
 ALARM_NOT_CONTROLLED: Final = 603
@@ -59,6 +60,11 @@ def leading_motion(axis: TechnologyAxis, leader: TechnologyObject) -> LeadingMot
         additive=axis.motion.additive,
         tolerance=axis.hold_tolerance,
     )
+
+
+def leader_facts(axis: TechnologyAxis, leader: TechnologyObject) -> dict[str, Scalar]:
+    """Return the leading object of `axis` and its coupling, for the event log."""
+    return {"leader": leader.name, "coupling": axis.coupling_with(leader)}
 
 
 def unfit_leader(axis: TechnologyAxis, leader: TechnologyObject, *, by_velocity: bool) -> int:
@@ -118,6 +124,10 @@ class _Gearing(ExecuteInstruction):
             return ERROR_DENOMINATOR
         return NO_ERROR
 
+    def _ratio_facts(self) -> dict[str, Scalar]:
+        """Return the gear for the event log."""
+        return {"numerator": self.RatioNumerator, "denominator": self.RatioDenominator}
+
     def _prepare(self, job_class: JobClass, *, by_velocity: bool) -> Job | int:
         """Return the job with its coupling, not yet handed over; or the ErrorID of what is not permitted."""
         leader = self.Master
@@ -139,6 +149,7 @@ class _Gearing(ExecuteInstruction):
         )
         job.leader_number = leader.db_number
         job.function = VELOCITY_GEARING if by_velocity else RELATIVE_GEARING
+        job.follows = {**leader_facts(self.axis, leader), **self._ratio_facts()}
         return job
 
 
@@ -238,6 +249,12 @@ class MC_GearInPos(_Gearing):
             return error
         x = float(self.MasterSyncPosition)
         job.function, job.leader_number = ABSOLUTE_GEARING, leader.db_number
+        job.follows = {
+            **leader_facts(axis, leader),
+            **self._ratio_facts(),
+            "master": x,
+            "slave": float(self.SlaveSyncPosition),
+        }
         job.position_controlled = True
         job.coupling = job.entry = FunctionCoupling(
             leading_motion(axis, leader),
@@ -317,6 +334,7 @@ class MC_GearInVelocity(_Gearing):
         if isinstance(job, int):
             return job
         job.position_controlled = bool(self.PositionControlled)
+        job.follows = {**(job.follows or {}), "updated": bool(self.ContinuousUpdate)}
         error = self.axis.motion.submit(job)
         if error:
             return error
