@@ -55,7 +55,7 @@ def bench_text(place: dict[str, Any] | None, *, physical: bool, axes: bool = Tru
         assert text.count(own) == 1
         text = text.replace(own, "\n".join(f"{key} = {_toml(value)}" for key, value in place.items()))
     if physical:
-        text = text.replace("node_id = 5\n", 'node_id = 5\ndevice = "physical"\n')
+        text = text.replace("node_id = 5\n", 'node_id = 5\ndevice = "physical"\ncommission = true\n')
     if not axes:
         text = text[: text.index("[axis.axis1]")]
     return text

@@ -8,14 +8,14 @@ goes wrong is a `BootFailure`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable, Mapping
 from enum import Enum
-from typing import Final
+from typing import Final, NamedTuple, Protocol
 
 from fieldbus.canopen.abort import AbortCode
 from fieldbus.canopen.node_setup import IDENTITY, NodeSetup, Parameter, PdoSetup
 from fieldbus.canopen.sdo_client import SdoClient, SdoJob
-from fieldbus.errors import HilError
+from fieldbus.errors import ConfigurationError, HilError
 
 _SAVE: Final = 0x65766173
 _ABSENT: Final = (AbortCode.NO_OBJECT, AbortCode.NO_SUB_INDEX, AbortCode.ACCESS, AbortCode.WRITE_ONLY)
@@ -48,6 +48,16 @@ class BootState(Enum):
 
 Transfer = tuple[int, int, bytes | None]
 """An SDO transfer that a script asks for: index, sub-index, and what to write; None = read."""
+
+
+class Refusal(NamedTuple):
+    """A node does not take a value of its configuration."""
+
+    parameter: Parameter
+    pdo: PdoSetup | None
+    """The PDO of which it is a part; None: of none."""
+    abort_code: int
+    reason: str
 
 
 class BootFailure(HilError):  # noqa: N818 - a failed boot is an outcome first
@@ -88,6 +98,26 @@ class BootFailure(HilError):  # noqa: N818 - a failed boot is an outcome first
         self.observed = observed
         self.abort_code = abort_code
         self.silent = silent
+        self.differences: tuple[str, ...] = ()
+        """What is not as wanted in a node that is compared and not written."""
+        self.refusal: Refusal | None = None
+        """What the node refused of its configuration; None: something else happened."""
+
+
+class Negotiator(Protocol):
+    """Decides how to go on with a node that refuses a part of its configuration."""
+
+    def look_at(self, refusal: Refusal) -> Iterable[tuple[int, int]]:
+        """Return what has to be known of the node: index and sub-index of entries."""
+
+    def instead(self, refusal: Refusal, found: Mapping[int, int]) -> tuple[NodeSetup, str] | None:
+        """Return the configuration to go on with and what it does instead; None: there is none.
+
+        Args:
+            refusal: What the node has refused.
+            found: The entries asked for, by `index << 8 | sub-index`, as far as the node has them.
+
+        """
 
 
 class BootReport:
@@ -104,6 +134,10 @@ class BootReport:
         """Entries that were read and compared."""
         self.written: list[Parameter] = []
         """What was written of the configuration, in order; without `prepare`, 1010h and 1020h."""
+        self.refused: list[tuple[Refusal, str]] = []
+        """What the node has refused, and what was done instead."""
+        self.setup: NodeSetup | None = None
+        """The configuration that was gone on with after a refusal; None: that which was wanted."""
 
 
 Script = Generator[Transfer, SdoJob, None]
@@ -116,6 +150,7 @@ def boot_script(
     halt: Callable[[], None],
     *,
     in_place: bool,
+    negotiator: Negotiator | None = None,
 ) -> Script:
     """Return the script that checks and configures a node up to the point where it may be started.
 
@@ -126,6 +161,7 @@ def boot_script(
         halt: Takes the node to Pre-operational; called before PDOs or parameters are written.
         in_place: The node was in service and shows no sign of a new start: nothing is written as long as
             nothing differs, so that a drive which is just braking is not disturbed.
+        negotiator: Knows what to try next when the node refuses a value; None: the boot fails then.
 
     Raises:
         BootFailure: From within: the node is silent, another one, or refuses.
@@ -161,7 +197,8 @@ def boot_script(
                 expected=expected,
                 observed=observed,
             )
-    if not in_place:
+    writing = not setup.compare_only
+    if not in_place and writing:
         yield from _prepare(setup, halt)
     if not setup.pdos and not setup.parameters:
         return  # it is as it is
@@ -174,20 +211,61 @@ def boot_script(
             report.verified = True
             return
     enter(BootState.CONFIGURATION)
-    yield from _configure(setup, report, read, halt, prepared=not in_place)
-    if stamp is not None:
+    setup = yield from _negotiated(setup, report, read, halt, negotiator, prepared=not in_place)
+    if stamp is not None and writing:
+        date, time = setup.signature
         for sub, value in enumerate((date, time), 1):
             yield from _write(setup, BootState.STORING, Parameter(0x1020, sub, value, 4))
-    if setup.store and (report.written or stamp is not None):
+    if setup.store and writing and (report.written or stamp is not None):
         enter(BootState.STORING)
         yield from _write(setup, BootState.STORING, Parameter(0x1010, 1, _SAVE, 4))
 
 
 def _prepare(setup: NodeSetup, halt: Callable[[], None]) -> Script:
     if setup.prepare or setup.pdos or setup.parameters:
+        for index, sub, value, size in setup.calm:
+            yield index, sub, value.to_bytes(size, "little", signed=value < 0)
         halt()
     for parameter in setup.prepare:
         yield from _write(setup, BootState.CONFIGURATION, parameter)
+
+
+def _negotiated(
+    setup: NodeSetup,
+    report: BootReport,
+    read: _Reader,
+    halt: Callable[[], None],
+    negotiator: Negotiator | None,
+    *,
+    prepared: bool,
+) -> Generator[Transfer, SdoJob, NodeSetup]:
+    """Configure the node, with another configuration whenever it refuses a part of one; return the last."""
+    while True:
+        try:
+            yield from _configure(setup, report, read, halt, prepared=prepared)
+        except BootFailure as failure:
+            refused = failure.refusal
+            if refused is None or negotiator is None:
+                raise
+            found: dict[int, int] = {}
+            for index, sub in negotiator.look_at(refused):
+                value = yield from read.optional(BootState.CONFIGURATION, index, sub)
+                if value is not None:
+                    found[index << 8 | sub] = value
+            try:
+                next_one = negotiator.instead(refused, found)
+            except ConfigurationError as reason:
+                failure.what += f"; nothing else is possible: {reason}"
+                failure.args = (f"{setup.name} (node {setup.node_id}) {failure.what}",)
+                raise failure from None
+            if next_one is None:
+                raise
+            setup, text = next_one
+            report.setup = setup
+            report.refused.append((refused, text))
+            prepared = True
+        else:
+            return setup
 
 
 def _configure(
@@ -195,33 +273,67 @@ def _configure(
 ) -> Script:
     """Compare entry by entry and write what differs; a PDO with one difference is set up as a whole."""
     groups: tuple[PdoSetup | Parameter, ...] = (*setup.pdos, *setup.parameters)
+    differences: list[str] = []
     for group in groups:
-        if isinstance(group, PdoSetup):
-            equal = yield from _pdo_equal(group, read)
-            writes: tuple[Parameter, ...] = group.writes
-        else:
-            equal = (yield from read.compared(group)) == group.value & (1 << 8 * group.size) - 1
-            writes = (group,)
-        if equal:
-            continue
-        if not prepared:
-            prepared = True
-            yield from _prepare(setup, halt)
-        for parameter in writes:
-            yield from _write(setup, BootState.CONFIGURATION, parameter)
-            report.written.append(parameter)
+        pdo = group if isinstance(group, PdoSetup) else None
+        try:
+            if isinstance(group, PdoSetup):
+                different = yield from _pdo_difference(group, read)
+                writes: tuple[Parameter, ...] = group.writes
+            else:
+                different = yield from _difference(group, read)
+                writes = (group,)
+            if different is None:
+                continue
+            if setup.compare_only:
+                differences.append(different)
+                continue
+            if not prepared:
+                prepared = True
+                yield from _prepare(setup, halt)
+            for parameter in writes:
+                yield from _write(setup, BootState.CONFIGURATION, parameter)
+                report.written.append(parameter)
+        except BootFailure as failure:
+            if failure.refusal is not None:
+                failure.refusal = failure.refusal._replace(pdo=pdo)
+            raise
+    if differences:
+        text = "; ".join(differences)
+        wrong = BootFailure(
+            setup, BootState.CONFIGURATION, f"is not set up as needed, and nothing is written into it: {text}"
+        )
+        wrong.differences = tuple(differences)
+        raise wrong
 
 
-def _pdo_equal(pdo: PdoSetup, read: _Reader) -> Generator[Transfer, SdoJob, bool]:
-    """Compare up to the first difference."""
+def _difference(parameter: Parameter, read: _Reader) -> Generator[Transfer, SdoJob, str | None]:
+    """Return what is not as wanted, in words; None: it is."""
+    found = yield from read.compared(parameter)
+    if found == parameter.value & (1 << 8 * parameter.size) - 1:
+        return None
+    return _not_as_wanted(parameter, found)
+
+
+def _pdo_difference(pdo: PdoSetup, read: _Reader) -> Generator[Transfer, SdoJob, str | None]:
+    """Return the first difference of a PDO, in words; None: it is as wanted."""
     for parameter in pdo.wanted:
         if pdo.entries is None:
             # A PDO that the device does not even have is not in the way.
             found = yield from read.optional(BootState.CONFIGURATION, parameter.index, parameter.sub)
-            return found is None or pdo.satisfied(parameter, found)
-        if not pdo.satisfied(parameter, (yield from read.compared(parameter))):
-            return False
-    return True
+            if found is None or pdo.satisfied(parameter, found):
+                return None
+            return _not_as_wanted(parameter, found)
+        observed = yield from read.compared(parameter)
+        if not pdo.satisfied(parameter, observed):
+            return _not_as_wanted(parameter, observed)
+    return None
+
+
+def _not_as_wanted(parameter: Parameter, found: int) -> str:
+    index, sub, value, size = parameter
+    shown = "cannot be read" if found < 0 else f"is {found:0{2 * size}X}h"
+    return f"{index:04X}h:{sub} {shown}, {value & (1 << 8 * size) - 1:0{2 * size}X}h is wanted"
 
 
 def _write(setup: NodeSetup, state: BootState, parameter: Parameter) -> Script:
@@ -243,7 +355,7 @@ def refusal(
     """Return the failure of a node that does not take a value."""
     index, sub, value, size = parameter
     shown = f"{value} ({value & (1 << 8 * size) - 1:X}h)"
-    return BootFailure(
+    failure = BootFailure(
         setup,
         state,
         f"refuses {index:04X}h:{sub} = {shown}: {reason}",
@@ -252,6 +364,8 @@ def refusal(
         expected=value,
         abort_code=abort_code,
     )
+    failure.refusal = Refusal(parameter, None, abort_code, reason)
+    return failure
 
 
 def _silence(setup: NodeSetup, state: BootState, index: int, sub: int) -> BootFailure:

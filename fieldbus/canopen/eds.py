@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from copy import copy
 from functools import lru_cache
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from fieldbus.canopen.compact_pdos import add_compact_pdos
 from fieldbus.canopen.dictionary import (
     DOMAIN,
     INTEGERS,
@@ -29,14 +31,26 @@ if TYPE_CHECKING:
 _OBJECT: Final = re.compile(r"[0-9a-f]{4}")
 _MEMBER: Final = re.compile(r"([0-9a-f]{4})\s*sub\s*([0-9a-f]{1,2})")
 
-_PDO_RECORD: Final = re.compile(r"1[4-9ab][0-9a-f]{2}")
-
 _NULL: Final = 0
 _DOMAIN: Final = 2
 _DEFINITIONS: Final = (5, 6)
 _VAR: Final = 7
 _ARRAY: Final = 8
 _RECORD: Final = 9
+_TYPE_NAMES: Final = {
+    "null": _NULL, "domain": _DOMAIN, "deftype": 5, "defstruct": 6, "var": _VAR, "array": _ARRAY,
+    "record": _RECORD, "rec": _RECORD,
+}  # fmt: skip
+"""Object types as some tools write them."""
+_DATA_TYPE_NAMES: Final = {
+    "boolean": 0x01, "integer8": 0x02, "integer16": 0x03, "integer32": 0x04, "unsigned8": 0x05,
+    "unsigned16": 0x06, "unsigned32": 0x07, "real32": 0x08, "visible_string": 0x09, "octet_string": 0x0A,
+    "unicode_string": 0x0B, "time_of_day": 0x0C, "time_difference": 0x0D, "domain": 0x0F,
+    "integer24": 0x10, "real64": 0x11, "integer40": 0x12, "integer48": 0x13, "integer56": 0x14,
+    "integer64": 0x15, "unsigned24": 0x16, "unsigned40": 0x18, "unsigned48": 0x19, "unsigned56": 0x1A,
+    "unsigned64": 0x1B,
+}  # fmt: skip
+"""Data types of CiA 301 by name (C301-014)."""
 
 _ACCESS: Final = ("ro", "wo", "rw", "rwr", "rww", "const")
 _KNOWN_TYPES: Final = frozenset(
@@ -133,6 +147,21 @@ def _location(section: EdsSection) -> str | None:
     return section.text("StorageLocation") or None
 
 
+def _object_type(section: EdsSection) -> int:
+    """Return the type of an object as a number, which some tools write as a word."""
+    named = _by_name(section, "ObjectType", _TYPE_NAMES)
+    return section.number("ObjectType", _VAR) if named is None else named
+
+
+def _by_name(section: EdsSection, key: str, names: Mapping[str, int]) -> int | None:
+    """Return the number of a name in lower case; None for what is none."""
+    text = section.text(key)
+    named = names.get(text.lower())
+    if named is not None:
+        section.note(key, f"{text!r} is taken as {named}")
+    return named
+
+
 class _Reader:
     """Builds the dictionary of one file."""
 
@@ -153,18 +182,13 @@ class _Reader:
             match = _MEMBER.fullmatch(name)
             if match is not None:
                 self._read_member(section, int(match[1], 16), int(match[2], 16))
+        add_compact_pdos(library, self.dictionary, file.section("DeviceInfo"), self._node_id)
 
     # -- the device
     # -------------------------------------------------------------------------------------------
 
     def _read_device(self) -> None:
         device = self._file.section("DeviceInfo")
-        if device.number("CompactPDO", 0):
-            if not any(_PDO_RECORD.fullmatch(name) for name in self._file.sections):
-                device.refuse(
-                    "CompactPDO", device.text("CompactPDO"), "0; PDO records have to be written out"
-                )
-            device.note("CompactPDO", "not needed; the file has PDO records, and they count")
         information = self.dictionary.device_information
         for key, attribute, kind in _DEVICE_INFO:
             if kind is str:
@@ -205,7 +229,7 @@ class _Reader:
 
     def _read_object(self, section: EdsSection, index: int) -> None:
         name = section.required("ParameterName")
-        kind = section.number("ObjectType", _VAR)
+        kind = _object_type(section)
         thing: Any
         if kind in (_NULL, *_DEFINITIONS):
             return
@@ -256,7 +280,7 @@ class _Reader:
             section.refuse("", section.name, f"a member of an object; there is no [{index:04X}]")
         if not hasattr(thing, "subindices"):
             section.refuse("", section.name, f"a member of an array or record; [{index:04X}] is a variable")
-        if section.number("ObjectType", _VAR) != _NULL:
+        if _object_type(section) != _NULL:
             thing.add_member(self._variable(section, index, sub))
 
     def _variable(self, section: EdsSection, index: int, sub: int, *, domain: bool = False) -> Any:
@@ -265,7 +289,10 @@ class _Reader:
         # DataType and AccessType of a domain may be left out.
         if not (domain and not section.text("DataType")):
             section.required("DataType")
-        variable.data_type = self._data_type(section, section.number("DataType", DOMAIN, high=0xFFFF))
+        code = _by_name(section, "DataType", _DATA_TYPE_NAMES)
+        if code is None:
+            code = section.number("DataType", DOMAIN, high=0xFFFF)
+        variable.data_type = self._data_type(section, code)
         access = section.text("AccessType").lower() if domain else section.required("AccessType").lower()
         variable.access_type = access or "rw"
         if variable.access_type not in _ACCESS:
@@ -278,7 +305,10 @@ class _Reader:
         self._set_value(variable, "value", section, "ParameterValue")
         # Not of the standard, but the library knows them.
         if section.text("Factor"):
-            variable.factor = section.value("Factor", 0x11, None)
+            try:
+                variable.factor = section.value("Factor", 0x11, None)
+            except ConfigurationError:
+                section.note("Factor", f"{section.text('Factor')!r} is no number and is left out")
         variable.description = section.text("Description")
         variable.unit = section.text("Unit")
         return variable

@@ -26,7 +26,11 @@ from fieldbus.canopen.dictionary import (
 from fieldbus.errors import ConfigurationError
 
 _COMMENT: Final = re.compile(r"\s;.*$")
-_HEADER: Final = re.compile(r"\[\s*([^\]]+?)\s*\]\s*(;.*)?$")
+_HEADER: Final = re.compile(r"\[\s*([^\]]+?)\s*\]\s*([;#].*)?$")
+_REMARK: Final = re.compile(r"\s#.*$")
+"""Behind a number: `0x09 # Record`."""
+_DAYS_AND_MS: Final = re.compile(r"(\d+)\s+(\d+)")
+_TIME_MS_BITS: Final = 28
 _SUFFIX: Final = re.compile(r"(?<=[\d.])[fF]$")
 """Of a real number as C writes it: `0.0f`."""
 _HEX_BYTES: Final = re.compile(r"(0[xX])?([0-9A-Fa-f]{2}\s*)*")
@@ -83,7 +87,7 @@ class EdsSection:
         if not text:
             return default
         try:
-            value = integer(text)
+            value = integer(self._without_remark(key, text))
         except ValueError:
             self.refuse(key, text, "a whole number, decimal or with 0x")
         if not low <= value <= high:
@@ -133,6 +137,12 @@ class EdsSection:
             self.note(key, f"{text} is beyond the data type and limits nothing")
             return None
 
+    def _without_remark(self, key: str, text: str) -> str:
+        number, found = _REMARK.subn("", text)
+        if found:
+            self.note(key, f"{text!r} has a remark; {number!r} counts")
+        return number
+
     def _real(self, key: str, text: str, data_type: int) -> float:
         bits, coder = REALS[data_type]
         try:
@@ -145,6 +155,13 @@ class EdsSection:
     def _whole(self, key: str, text: str, data_type: int, node_id: int | None) -> int | None:
         bits = INTEGERS[data_type][0] if data_type in INTEGERS else 8 * OPAQUE_SIZES[data_type]
         signed = data_type in INTEGERS and INTEGERS[data_type][1]
+        text = self._without_remark(key, text)
+        moment = _DAYS_AND_MS.fullmatch(text) if data_type in OPAQUE_SIZES else None
+        if moment is not None:  # days, and ms of the day in the lower 32 bits (C301-013)
+            days, ms = int(moment[1]), int(moment[2])
+            if days >> 16 or ms >> _TIME_MS_BITS:
+                self.refuse(key, text, "days of 16 bits and ms of 28 bits")
+            return days << 32 | ms
         try:
             base = relative(text)
             value = integer(text) if base is None else base + (node_id or 0)

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, NamedTuple, Protocol
 
-from fieldbus.canopen.boot import BootFailure, BootReport, BootRunner, BootState, boot_script
+from fieldbus.canopen.boot import BootFailure, BootReport, BootRunner, BootState, Negotiator, boot_script
 from fieldbus.canopen.connection import BusConnection
 from fieldbus.canopen.nmt import COB_EMCY, COB_ERROR_CONTROL, COB_NMT, NmtCommand, NmtState
 from fieldbus.canopen.node_setup import NodeSetup
@@ -128,8 +128,22 @@ class RemoteNode:
         self._retry: Timer | None = None
         self._start_timer: Timer | None = None
         self._signs: list[Callable[[], None]] = []
+        self.negotiator: Negotiator | None = None
+        """Knows what to try next when the node refuses a part of its configuration; None: the boot fails."""
         self._heartbeat: HeartbeatWatch | None = None
         self._guard: NodeGuard | None = None
+        self._supervise()
+        connection.subscribe(COB_ERROR_CONTROL + setup.node_id, self._on_error_control)
+        connection.subscribe(COB_EMCY + setup.node_id, self._on_emcy)
+
+    def _supervise(self) -> None:
+        """Make the supervision that the setup asks for."""
+        setup, connection, scheduler = self.setup, self._connection, self._scheduler
+        if self._heartbeat is not None:
+            self._heartbeat.stop()
+        if self._guard is not None:
+            self._guard.stop()
+        self._heartbeat = self._guard = None
         if setup.heartbeat_timeout_ms:
             self._heartbeat = HeartbeatWatch(
                 scheduler,
@@ -146,8 +160,6 @@ class RemoteNode:
                 on_lost=lambda reason: self._supervision_lost("guarding", reason=reason),
                 on_back=lambda: self._log("guarding.back"),
             )
-        connection.subscribe(COB_ERROR_CONTROL + setup.node_id, self._on_error_control)
-        connection.subscribe(COB_EMCY + setup.node_id, self._on_emcy)
 
     # -- what a user asks
     # -------------------------------------------------------------------------------------
@@ -234,7 +246,11 @@ class RemoteNode:
     def _begin(self, *, in_place: bool) -> None:
         self._in_place = in_place
         self.report = report = BootReport()
-        self._runner.run(boot_script(self.setup, report, self._step, self._halt, in_place=in_place))
+        self._runner.run(
+            boot_script(
+                self.setup, report, self._step, self._halt, in_place=in_place, negotiator=self.negotiator
+            )
+        )
 
     def _step(self, state: BootState) -> None:
         # A node that answers but is dead to supervision is searched quietly, again and again, until something
@@ -264,6 +280,20 @@ class RemoteNode:
             written=len(report.written),
             objects=", ".join(dict.fromkeys(f"{p.index:04X}h:{p.sub}" for p in report.written)),
         )
+        for refused, instead in report.refused:
+            index, sub, value, _size = refused.parameter
+            self._log(
+                "node.refused",
+                object=f"{index:04X}h:{sub}",
+                value=value,
+                reason=refused.reason,
+                instead=instead,
+            )
+        if report.setup is not None:
+            watched = (self.setup.heartbeat_timeout_ms, self.setup.guard_time_ms)
+            self.setup = report.setup
+            if watched != (self.setup.heartbeat_timeout_ms, self.setup.guard_time_ms):
+                self._supervise()
         if self._in_place and report.written and self._user is not None:
             # It has lost its parameters without our seeing the boot-up: it was off.
             self._user.node_restarted()

@@ -30,6 +30,11 @@ class Parameter(NamedTuple):
     """Bytes of the object's type."""
 
     @property
+    def key(self) -> int:
+        """`index << 8 | sub-index`."""
+        return self.index << 8 | self.sub
+
+    @property
     def data(self) -> bytes:
         """The bytes on the bus.
 
@@ -54,6 +59,7 @@ class PdoSetup:
         cob_id: Identifier, 11 bits.
         kind: Transmission type (C301-038 to C301-044).
         entries: Mapping entries, index << 16 | sub-index << 8 | bits (C301-051); None = the PDO is not used.
+        fixed: Keys (index << 8 | sub-index) of members of the two records that cannot be written.
 
     """
 
@@ -62,6 +68,7 @@ class PdoSetup:
     cob_id: int
     kind: int = 1
     entries: tuple[int, ...] | None = None
+    fixed: frozenset[int] = frozenset()
 
     @property
     def communication(self) -> int:
@@ -78,13 +85,18 @@ class PdoSetup:
         """What the entries hold when the PDO is set up, in the order in which it pays to look at them."""
         word = self.cob_id | (_NO_REMOTE if self.transmit else 0)
         if self.entries is None:
-            return (Parameter(self.communication, 1, word | _INVALID, 4),)
-        return (
+            return self._writable(Parameter(self.communication, 1, word | _INVALID, 4))
+        return self._writable(
             Parameter(self.mapping, 0, len(self.entries), 1),
             *(Parameter(self.mapping, sub, entry, 4) for sub, entry in enumerate(self.entries, 1)),
             Parameter(self.communication, 2, self.kind, 1),
             Parameter(self.communication, 1, word, 4),
         )
+
+    def _writable(self, *parameters: Parameter) -> tuple[Parameter, ...]:
+        if not self.fixed:
+            return parameters
+        return tuple(one for one in parameters if one.key not in self.fixed)
 
     @property
     def writes(self) -> tuple[Parameter, ...]:
@@ -94,15 +106,24 @@ class PdoSetup:
         wanted = self.wanted
         if self.entries is None:
             return wanted
-        count, *entries, kind, cob_id = wanted
+        identifier = [one for one in wanted if one.key == self.communication << 8 | 1]
+        count = [one for one in wanted if one.key == self.mapping << 8]
+        entries = [one for one in wanted if one.index == self.mapping and one.sub]
+        kind = [one for one in wanted if one.key == self.communication << 8 | 2]
         return (
-            cob_id._replace(value=cob_id.value | _INVALID),
-            count._replace(value=0),
+            *(one._replace(value=one.value | _INVALID) for one in identifier),
+            *(one._replace(value=0) for one in count),
             *entries,
-            count,
-            kind,
-            cob_id,
+            *count,
+            *kind,
+            *identifier,
         )
+
+    @property
+    def record(self) -> Iterator[tuple[int, int]]:
+        """Index and sub-index of all that describes the PDO in the node."""
+        yield from ((self.communication, 1), (self.communication, 2))
+        yield from ((self.mapping, sub) for sub in range(9))
 
     def satisfied(self, parameter: Parameter, observed: int) -> bool:
         """Say whether an entry is as wanted; of a PDO that is not used the bit "not valid" alone matters."""
@@ -128,6 +149,8 @@ class NodeSetup:
         product_code: Expected 1018h:2.
         revision: Expected 1018h:3.
         serial: Expected 1018h:4.
+        calm: Written before the node is taken out of Operational, so that it does not take that for a
+            fault; a node that refuses it is left as it is.
         prepare: Written before anything else whenever the node has restarted, so that nothing moves
             until it is configured.
         pdos: PDOs in the order in which they are set up.
@@ -138,6 +161,7 @@ class NodeSetup:
         guard_time_ms: Period of node guarding; 0 = none. Not together with a heartbeat (C301-024).
         life_time_factor: Guard times without a right answer after which the node counts as lost.
         optional: The network is ready without it.
+        compare_only: Nothing is written; a node that is not set up as wanted is not taken into service.
 
     Raises:
         ConfigurationError: A number is out of range, or two ways of supervision are asked for.
@@ -151,6 +175,7 @@ class NodeSetup:
     product_code: int | None = None
     revision: int | None = None
     serial: int | None = None
+    calm: tuple[Parameter, ...] = ()
     prepare: tuple[Parameter, ...] = ()
     pdos: tuple[PdoSetup, ...] = ()
     parameters: tuple[Parameter, ...] = ()
@@ -159,6 +184,7 @@ class NodeSetup:
     guard_time_ms: int = 0
     life_time_factor: int = 3
     optional: bool = False
+    compare_only: bool = False
 
     def __post_init__(self) -> None:
         if not 1 <= self.node_id <= 127:

@@ -359,8 +359,12 @@ class PdoEngine:
 
         return check
 
+    def _may_be_mapped(self, pdo: Pdo) -> bool:
+        """Whether the mapping may change: the PDO is invalid, or nobody can make it so."""
+        return self._invalid(pdo) or not self._store.entries[pdo.key | 1].writable
+
     def _check_count(self, pdo: Pdo, count: ObjectValue) -> None:
-        if not self._invalid(pdo):
+        if not self._may_be_mapped(pdo):
             raise SdoAbort(AbortCode.DEVICE_STATE)
         if count in MULTIPLEXED:
             if self._store.values.get(pdo.key | 2, _EVENT_DRIVEN) < _EVENT_DRIVEN:
@@ -376,7 +380,7 @@ class PdoEngine:
         )
 
     def _check_map_entry(self, pdo: Pdo, value: ObjectValue) -> None:
-        if self._store.values[pdo.map_key] or not self._invalid(pdo):
+        if self._store.values[pdo.map_key] or not self._may_be_mapped(pdo):
             raise SdoAbort(AbortCode.DEVICE_STATE)
         if value:
             check_mapping_entry(self._store, value, receive=pdo.receive)

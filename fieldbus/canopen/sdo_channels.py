@@ -4,7 +4,7 @@ the bench (C301-072, C301-150).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final
 
 from fieldbus.can.frame import CanFrame
@@ -19,6 +19,7 @@ _FIRST_RECORD: Final = 0x1200
 _LAST_RECORD: Final = 0x127F
 _INITIATE: Final = (1, 2, 5, 6)
 """Client command specifiers that name an object: download, upload, block upload, block download."""
+_DOWNLOADS: Final = (1, 6)
 
 
 class SdoChannels:
@@ -45,6 +46,9 @@ class SdoChannels:
         """Requests are not answered: a fault to inject."""
         self.refusal: tuple[int, int] | None = None
         """(index, abort code) with which every access to the index (0 = any) is refused: a fault to inject.
+        """
+        self.refused_writes: Mapping[int, int] = {}
+        """Entries that take no value whatever the dictionary says, by key, with abort codes.
         """
         records = sorted({key >> 8 for key in store.entries if _FIRST_RECORD < key >> 8 <= _LAST_RECORD})
         self._channels = {record: _Channel(self, SdoServer(store)) for record in (_FIRST_RECORD, *records)}
@@ -98,10 +102,15 @@ class SdoChannels:
 
     def refused(self, request: bytes) -> bytes | None:
         """Return the abort with which a request that begins a transfer is to be refused; None: serve it."""
-        if self.refusal is None or request[0] >> 5 not in _INITIATE:
+        command, index = request[0] >> 5, int.from_bytes(request[1:3], "little")
+        if command not in _INITIATE:
             return None
-        index, code = self.refusal
-        if index and index != int.from_bytes(request[1:3], "little"):
+        code = None
+        if self.refusal is not None and self.refusal[0] in (0, index):
+            code = self.refusal[1]
+        elif command in _DOWNLOADS:
+            code = self.refused_writes.get(index << 8 | request[3])
+        if code is None:
             return None
         return b"\x80" + request[1:4] + code.to_bytes(4, "little")
 
@@ -129,7 +138,7 @@ class _Channel:
         owner = self._owner
         if owner.silent:
             return
-        refused = None if owner.refusal is None else owner.refused(data)
+        refused = owner.refused(data) if owner.refusal is not None or owner.refused_writes else None
         answers = self._server.request(data) if refused is None else [refused]
         if answers:
             if owner.response_delay_ns:

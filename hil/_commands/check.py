@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Final, TypedDict, TypeGuard
 
 from fieldbus.errors import UnknownNameError
@@ -55,6 +55,9 @@ def check_bench(reference: str, *, build: bool, as_json: bool, ignored: Sequence
         }
         if personalities:
             facts["personalities"] = [f"{name}: {one}" for name, one in personalities.items()]
+        writes = [] if config is None else list(_writes(config))
+        if writes:
+            facts["physical"] = writes
         pending: list[_Pending] = []
         if build and kind == "virtual":
             started = time.perf_counter()
@@ -69,6 +72,17 @@ def check_bench(reference: str, *, build: bool, as_json: bool, ignored: Sequence
     else:
         _tell(facts, found, pending)
     return 0 if good else 1
+
+
+def _writes(config: BenchConfig) -> Iterator[str]:
+    """Yield what the controller does at the start with every physical drive that it would set up."""
+    for name, drive in config.can_drives.items():
+        if drive.device == "physical" and any(axis.drive == name for axis in config.axis.values()):
+            yield f"{name}: " + (
+                "PDOs and parameters are written at every start (commission = true)"
+                if drive.commission
+                else "nothing is written; it has to be set up already (hil commission)"
+            )
 
 
 def _findings(config: BenchConfig | None, source: str, ignored: Sequence[str]) -> list[Finding]:

@@ -39,6 +39,8 @@ class Commissioning:
     """Objects whose default is the wanted value already."""
     lost: list[str] = field(default_factory=list)
     """What is lost against a drive that has everything."""
+    refused: list[str] = field(default_factory=list)
+    """What the drive has refused when it was written, and what was done instead."""
     result: str = ""
     """What writing has led to; empty: nothing was written."""
     good: bool = True
@@ -66,8 +68,11 @@ def commission(reference: str, *, write: bool, as_json: bool) -> int:
     }
     if not drives:
         raise CannotRunError(f"the bench {config.bench.name!r} has no CiA 402 drive with an axis")
-    results = _written(reference, drives) if write else {}
-    found = [_of_drive(config, name, table, results.get(name, "")) for name, table in drives.items()]
+    results, refused = _written(reference, drives) if write else ({}, {})
+    found = [
+        _of_drive(config, name, table, results.get(name, ""), refused.get(name, []))
+        for name, table in drives.items()
+    ]
     if as_json:
         print_json({"bench": config.bench.name, "written": write, "drives": [asdict(one) for one in found]})
     else:
@@ -75,7 +80,9 @@ def commission(reference: str, *, write: bool, as_json: bool) -> int:
     return 0 if all(one.good for one in found) else 1
 
 
-def _of_drive(config: BenchConfig, name: str, table: Cia402DriveTable, result: str) -> Commissioning:
+def _of_drive(
+    config: BenchConfig, name: str, table: Cia402DriveTable, result: str, refused: list[str]
+) -> Commissioning:
     from fieldbus.canopen.dictionary import entries_of
     from motion.drives.cia402_plan import MODES
 
@@ -110,6 +117,7 @@ def _of_drive(config: BenchConfig, name: str, table: Cia402DriveTable, result: s
         writes,
         agreeing,
         lost,
+        refused,
         result,
         not result or result.startswith("commissioned"),
     )
@@ -149,19 +157,32 @@ def _setup(config: BenchConfig, name: str, table: Cia402DriveTable) -> NodeSetup
     return port.node.setup
 
 
-def _written(reference: str, drives: dict[str, Cia402DriveTable]) -> dict[str, str]:
-    """Start the bench, which commissions its drives, and return what came of it, by drive."""
+def _written(
+    reference: str, drives: dict[str, Cia402DriveTable]
+) -> tuple[dict[str, str], dict[str, list[str]]]:
+    """Start the bench, which commissions its drives; return outcome and refusals by drive."""
+    from hil.bench import BenchFile
     from hil.campaign import load_bench_file
 
+    file = load_bench_file(reference)
+    assert isinstance(file, BenchFile)  # it has tables of drives
+    allowed = {name: {"commission": True} for name in drives}
     try:
-        with load_bench_file(reference).build(seed=0) as bench:
+        with file.configured({"drive": allowed}).build(seed=0) as bench:
             events = bench.trace().events
     except HilError as error:
-        return dict.fromkeys(drives, " ".join(str(error).split()))
+        return dict.fromkeys(drives, " ".join(str(error).split())), {}
     written = {
         str(event.data["name"]): event.data["written"] for event in events if event.kind == "node.configured"
     }
-    return {name: f"commissioned, {written.get(name, 0)} objects written" for name in drives}
+    refused: dict[str, list[str]] = {}
+    for event in events:
+        if event.kind == "node.refused":
+            data = event.data
+            refused.setdefault(str(data["name"]), []).append(
+                f"{data['object']} = {data['value']}: {data['reason']}; {data['instead']}"
+            )
+    return {name: f"commissioned, {written.get(name, 0)} objects written" for name in drives}, refused
 
 
 def _tell(found: list[Commissioning], *, write: bool) -> None:
@@ -172,7 +193,12 @@ def _tell(found: list[Commissioning], *, write: bool) -> None:
 
     for one in found:
         say(f"{one.drive} (node {one.node_id}): mode {one.mode}")
-        for title, texts in (("PDO", one.pdos), ("write", one.writes), ("lost", one.lost)):
+        for title, texts in (
+            ("PDO", one.pdos),
+            ("write", one.writes),
+            ("lost", one.lost),
+            ("refused", one.refused),
+        ):
             for text in texts:
                 say(f"    {title}: {text}")
         say(f"    {one.agreeing} more objects have the wanted value by default")

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 _ENDINGS: Final = (".eds", ".dcf")
 _NODE: Final = 5
 _DRIVE: Final = 402
+_COUNTS: Final = 4096
+"""Increments per revolution where a file leaves them open."""
 _PDOS: Final = ((0x1400, 0x1600, True), (0x1800, 0x1A00, False))
 _MODES: Final[dict[int, tuple[str, tuple[int, ...]]]] = {
     0: ("pp", (0x607A, 0x6081, 0x6083, 0x6084)),
@@ -223,7 +225,7 @@ def _tried(path: Path) -> tuple[str, bool]:
     from hil.bench.drive_config import Cia402DriveTable
 
     try:
-        counts = VendorEds(path).increments_per_revolution or 131072
+        counts = VendorEds(path).increments_per_revolution or _COUNTS
         text = (
             '[bench]\nname = "survey"\n[segment.can0]\n'
             f'[drive.d]\nsegment = "can0"\nnode_id = {_NODE}\neds = {json.dumps(str(path.resolve()))}\n'

@@ -23,7 +23,7 @@ from motion.s7.cams import Cam
 from motion.s7.handles import AxisHandle, EncoderHandle
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from emulators.io import ModbusIoStation
     from fieldbus.history import History
@@ -368,10 +368,22 @@ class ControlSystem:
         if self.encoder_nodes is not None:
             wait_for_encoders(self._scheduler, self.encoder_nodes)
         if not self._scheduler.run_until(self._linked, LINK_TIMEOUT_NS):
-            silent = [
-                name for name, port in self.ports.by_name.items() if not port.link_ok and not port.optional
-            ]
-            raise BlockedError(f"no cyclic data from {', '.join(silent)} within {LINK_TIMEOUT_NS // S} s")
+            reasons = "; ".join(self._not_linked()) or "an axis has no link"
+            raise BlockedError(f"not ready within {LINK_TIMEOUT_NS // S} s: {reasons}")
+
+    def _not_linked(self) -> Iterator[str]:
+        """Yield why drives cannot be used."""
+        for name, port in self.ports.by_name.items():
+            if port.optional:
+                continue
+            if not port.link_ok:
+                yield f"no cyclic data from {name}"
+            elif port.drive_fault_code:
+                yield f"{name} is in fault {port.drive_fault_code:04X}h"
+        for name, handle in self.axes.items():
+            axis = handle.object
+            if axis.communication_ok and not axis.sensor_valid:
+                yield f"{name} has no valid actual value"
 
     def _linked(self) -> bool:
         return all(

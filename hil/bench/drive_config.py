@@ -7,6 +7,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
@@ -54,6 +55,7 @@ from hil.bench.drive_tables import (
     NoSecondEncoder,
     SecondEncoderTable,
 )
+from hil.bench.pdo_config import PdoTable
 from hil.bench.segment_config import CanTable
 
 if TYPE_CHECKING:
@@ -76,7 +78,7 @@ if TYPE_CHECKING:
     from hil.bench.segment_config import ModbusTable, RtuTable, SegmentTable, TcpTable
     from motion.drives.analog import AnalogPort
     from motion.drives.cia402 import Cia402Port
-    from motion.drives.cia402_plan import DrivePlan
+    from motion.drives.cia402_plan import Answers, DrivePlan
     from motion.drives.profidrive import TelegramConfig
     from motion.drives.profidrive_can import ProfidriveCanPort
     from motion.drives.profidrive_modbus import ProfidriveModbusPort
@@ -230,6 +232,11 @@ class _NodeTable(_DriveTable, BootKeys, frozen=True):
     """Period of node guarding, for a drive without heartbeat (`heartbeat_ms = 0`); 0 = none."""
     life_time_factor: Annotated[int, Field(ge=1, le=255)] = 3
     """Guard times without an answer, or a question, after which either side reports the other as lost."""
+    commission: bool = False
+    """Whether the controller may set a physical drive up at every start: PDOs and parameters. Otherwise it
+    writes nothing into it, compares, and the bench does not start if something differs; `hil commission`
+    shows what that is, and sets the drive up once with `--write`. An emulated drive is always set up.
+    """
     vendor_id: Word | None = None
     """Expected 1018h:1; without the key any is accepted. Likewise the next three."""
     product_code: Word | None = None
@@ -264,6 +271,7 @@ class _NodeTable(_DriveTable, BootKeys, frozen=True):
             "revision": self.revision,
             "serial": self.serial,
             "store": self.device == "emulated",
+            "commission": self.commission or self.device == "emulated",
         }
 
 
@@ -403,6 +411,7 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
     """Mode in which the controller moves a drive with an EDS; `auto`: the first of csv, csp, ip and pv that
     6502h has and the PDOs can carry. Without an EDS it is csv.
     """
+    pdo: PdoTable = PdoTable()
     homing: HomingConfig = HomingConfig()
     cyclic_timer_ms: Annotated[int, Field(ge=0, le=65535)] = 0
     """Default of the event timers of TPDO1 and TPDO2 (1800h:5, 1801h:5): how often they come at least, unless
@@ -419,7 +428,27 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
                 if key not in self.model_fields_set:
                     self.__dict__[key] = value
             vendor.objects(self._of_vendor(), frozenset(self.model_fields_set))  # checks limits
+        if self.pdo.mapped:
+            self._check_mapping()
         return self
+
+    def _check_mapping(self) -> None:
+        """Check that the wanted mapping goes with one of the interfaces of an axis.
+
+        Raises:
+            ConfigurationError: Why it does not go with a velocity.
+
+        """
+        first: ConfigurationError | None = None
+        for interface in self.interfaces:
+            try:
+                self.plan(interface)
+            except ConfigurationError as error:
+                first = first or error
+            else:
+                return
+        if first is not None:
+            raise first
 
     @property
     def interfaces(self) -> tuple[str, ...]:
@@ -433,7 +462,7 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
         if self.eds is None:
             return None
         try:
-            return VendorEds(self.eds)
+            return VendorEds(self.eds, increments_per_revolution=self.increments_per_revolution)
         except ConfigurationError:
             return None
 
@@ -547,38 +576,40 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
             rng=site.rng,
         )
 
-    def plan(self, interface: str = "velocity") -> DrivePlan:
+    def plan(self, interface: str = "velocity", answers: Answers | None = None) -> DrivePlan:
         """Return how the controller uses the drive.
 
         Args:
             interface: What its axis gives to it: `velocity`, `position`, `torque`.
+            answers: What the drive has shown on the bus; None: nothing yet.
 
         Raises:
-            ConfigurationError: The EDS cannot be read, or allows no mode that the controller can command.
+            ConfigurationError: The EDS cannot be read, or allows no mode that the controller can command; or
+                the wanted mapping is not possible.
 
         """
         from emulators.drive.cia402.vendor_eds import VendorEds
         from motion.drives.cia402_plan import FOLLOWING_ERROR, STANDARD, plan_drive
 
-        vendor = self._vendor_eds()
-        if interface != "velocity":
-            vendor = vendor or VendorEds(servo_eds())
-            return plan_drive(
-                vendor.entries(self.node_id),
-                node_id=self.node_id,
-                mode={"position": "csp", "torque": "cst"}[interface],
-                velocity_unit_rpm=vendor.velocity_unit_rpm,
-                increments_per_unit=vendor.increments_per_unit,
-                also=(FOLLOWING_ERROR,) if interface == "position" else (),
-            )
-        if vendor is None:
+        by_velocity = interface == "velocity"
+        if self._vendor_eds() is None and answers is None and not self.pdo.mapped and by_velocity:
             return STANDARD
+        vendor = VendorEds(
+            self.eds or servo_eds(),
+            increments_per_revolution=self.increments_per_revolution,
+            shown=answers.values if answers is not None else None,
+        )
+        entries = vendor.entries(self.node_id)
+        if answers is not None:
+            answers.apply(entries)
         return plan_drive(
-            vendor.entries(self.node_id),
+            entries,
             node_id=self.node_id,
-            mode=self.mode,
+            mode=self.mode if by_velocity else {"position": "csp", "torque": "cst"}[interface],
             velocity_unit_rpm=vendor.velocity_unit_rpm,
             increments_per_unit=vendor.increments_per_unit,
+            mapped=self.pdo.mapped,
+            also=(FOLLOWING_ERROR,) if interface == "position" else (),
         )
 
     def dictionary(self) -> canopen.ObjectDictionary:
@@ -599,6 +630,7 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
             off1_deceleration_rpm_s=self.max_speed_rpm / self.off1_ramp_s,
             off3_deceleration_rpm_s=self.max_speed_rpm / self.off3_ramp_s,
             plan=plan,
+            plan_again=partial(self.plan, site.interface),
             **arguments,
         )
         return Cia402Port(site.masters[self.segment], config, name=site.name, history=site.history)

@@ -86,6 +86,11 @@ def _node_not_started(node: RemoteNode) -> HilError:
             f"{node.name} (node {node.node_id}) does not answer on the bus within "
             f"{BOOT_TIMEOUT_NS // S} s{reason}"
         )
+    if failure.differences:
+        return BlockedError(
+            f"{failure}. `hil commission BENCH --write` sets it up once, commission = true in "
+            f"[drive.{node.name}] at every start"
+        )
     if failure.abort_code and not failure.silent:
         return CommissioningError(str(failure))
     return BlockedError(str(failure))

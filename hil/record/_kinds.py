@@ -119,6 +119,7 @@ EVENT_KINDS: Final = MappingProxyType(
         "node.booted": "a node is in service",
         "node.bootup": "a node has sent its boot-up frame",
         "node.configured": "a node has its parameters",
+        "node.refused": "a node has refused a parameter, and what was done instead",
         "node.failed": "a node could not be taken into service",
         "node.lost": "the controller has lost a node",
         "panel.control": "a control panel takes an axis from the user program, or gives it back",

@@ -37,6 +37,7 @@ class CanopenNodeConfig(LinkConfig):
         life_time_factor: Guard times without an answer after which either side reports the other as lost.
         vendor_id: Expected 1018h:1; None = any. Likewise `product_code`, `revision`, `serial`.
         store: Have the drive keep the parameters (1010h).
+        commission: Set the drive up; otherwise it is only compared, and not used if something differs.
 
     Raises:
         ConfigurationError: A value is out of range.
@@ -54,6 +55,7 @@ class CanopenNodeConfig(LinkConfig):
     revision: int | None = None
     serial: int | None = None
     store: bool = True
+    commission: bool = True
 
     def __post_init__(self) -> None:
         LinkConfig.__post_init__(self)
@@ -90,55 +92,12 @@ class CanopenNode:
     Args:
         port: Gets the events of the node.
         master: The controller's CANopen services on the segment of the drive.
-        config: Facts about the drive.
-        disable: Object that switches the drive off when it is 0, before anything is written.
-        pdos: The PDOs that the cycle uses, and those that have to be silent.
-        parameters: What the profile needs besides bus cycle, reaction to lost communication and
-            error control: (index, sub-index, value, length).
-        device_profile: Expected profile in 1000h; None = any.
-        taken: Returns those of the parameters that the drive has, with the lengths that it gives them.
+        setup: What the node is expected to be.
 
     """
 
-    def __init__(
-        self,
-        port: NodePort,
-        master: CanopenMaster,
-        config: CanopenNodeConfig,
-        *,
-        disable: int,
-        pdos: tuple[PdoSetup, ...],
-        parameters: Iterable[tuple[int, int, int, int]] = (),
-        device_profile: int | None = None,
-        taken: Callable[[Iterable[Row]], list[Row]] = list,
-    ) -> None:
+    def __init__(self, port: NodePort, master: CanopenMaster, setup: NodeSetup) -> None:
         self._port = port
-        rows = taken(_rows(config, master.node_id, parameters))
-        written_keys = {index << 8 | sub for index, sub, *_ in rows}
-        has_heartbeat = bool(config.heartbeat_ms) and _HEARTBEAT in written_keys
-        guard_time_ms = config.guard_time_ms
-        if config.heartbeat_ms and not has_heartbeat:
-            guarding = taken([(0x100C, 0, config.heartbeat_ms, 2), (0x100D, 0, config.life_time_factor, 1)])
-            if len(guarding) == 2:
-                guard_time_ms = config.heartbeat_ms
-                rows += guarding
-        setup = NodeSetup(
-            node_id=config.node_id,
-            name=port.name,
-            device_profile=device_profile,
-            vendor_id=config.vendor_id,
-            product_code=config.product_code,
-            revision=config.revision,
-            serial=config.serial,
-            prepare=(Parameter(disable, 0, 0, 2),),
-            pdos=pdos,
-            parameters=tuple(Parameter(*row) for row in rows),
-            store=config.store and bool(taken([(0x1010, 1, 0, 4)])),
-            heartbeat_timeout_ms=config.consumer_heartbeat_ms if has_heartbeat else 0,
-            guard_time_ms=guard_time_ms,
-            life_time_factor=config.life_time_factor,
-            optional=config.optional,
-        )
         self.remote: RemoteNode = master.add_node(setup, self)
         """The drive as a node of the network."""
 
@@ -165,6 +124,65 @@ class CanopenNode:
     def node_emcy(self, code: int) -> None:
         """Give an EMCY to the port."""
         self._port.take_emcy(code)
+
+
+def node_setup(
+    name: str,
+    config: CanopenNodeConfig,
+    *,
+    controller: int,
+    disable: int,
+    pdos: tuple[PdoSetup, ...],
+    parameters: Iterable[Row] = (),
+    prepare: tuple[Parameter, ...] = (),
+    calm: tuple[Parameter, ...] = (),
+    device_profile: int | None = None,
+    taken: Callable[[Iterable[Row]], list[Row]] = list,
+) -> NodeSetup:
+    """Return what a drive is expected to be and is set up to.
+
+    Args:
+        name: Of the drive.
+        config: Facts about the drive.
+        controller: Node-ID of the controller.
+        disable: Object that switches the drive off when it is 0, before anything is written.
+        pdos: The PDOs that the cycle uses, and those that have to be silent.
+        parameters: What the profile needs besides bus cycle, reaction to lost communication and
+            error control: (index, sub-index, value, length).
+        prepare: Written after that.
+        calm: See `NodeSetup`.
+        device_profile: Expected profile in 1000h; None = any.
+        taken: Returns those of the parameters that the drive has, with the lengths that it gives them.
+
+    """
+    rows = taken(_rows(config, controller, parameters))
+    written_keys = {index << 8 | sub for index, sub, *_ in rows}
+    has_heartbeat = bool(config.heartbeat_ms) and _HEARTBEAT in written_keys
+    guard_time_ms = config.guard_time_ms
+    if config.heartbeat_ms and not has_heartbeat:
+        guarding = taken([(0x100C, 0, config.heartbeat_ms, 2), (0x100D, 0, config.life_time_factor, 1)])
+        if len(guarding) == 2:
+            guard_time_ms = config.heartbeat_ms
+            rows += guarding
+    return NodeSetup(
+        node_id=config.node_id,
+        name=name,
+        device_profile=device_profile,
+        vendor_id=config.vendor_id,
+        product_code=config.product_code,
+        revision=config.revision,
+        serial=config.serial,
+        calm=calm,
+        prepare=(Parameter(disable, 0, 0, 2), *prepare),
+        pdos=pdos,
+        parameters=tuple(Parameter(*row) for row in rows),
+        store=config.store and bool(taken([(0x1010, 1, 0, 4)])),
+        heartbeat_timeout_ms=config.consumer_heartbeat_ms if has_heartbeat else 0,
+        guard_time_ms=guard_time_ms,
+        life_time_factor=config.life_time_factor,
+        optional=config.optional,
+        compare_only=not config.commission,
+    )
 
 
 def _rows(config: CanopenNodeConfig, controller: int, own: Iterable[Row]) -> list[Row]:

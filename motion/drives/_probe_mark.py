@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Final
 from motion.drives.mark import MarkSearch
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from fieldbus.canopen.master import CanopenMaster
     from fieldbus.canopen.sdo_client import SdoJob
 
@@ -38,6 +40,8 @@ class ProbeMarkSearch(MarkSearch):
         self._generation = 0
         self.waiting = False
         """The probe is on, and no answer is on its way."""
+        self.convert: Callable[[int], int] | None = None
+        """Returns the encoder, increments, at a position of the drive; None: that is the same."""
 
     def _begin(self) -> None:
         self._generation += 1
@@ -84,7 +88,8 @@ class ProbeMarkSearch(MarkSearch):
             client.download(_FUNCTION, 0, _OFF)
             if job.ok:
                 value = job.value
-                self._finish(value - (1 << 32) if value >> 31 else value)
+                position = value - (1 << 32) if value >> 31 else value
+                self._finish(position if self.convert is None else self.convert(position))
             else:
                 self._fail()
 

@@ -9,19 +9,27 @@ setpoint is latched at SYNC k+1 and interpolated by the drive until SYNC k+2.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from struct import Struct
 from typing import TYPE_CHECKING, Final
 
 from typing_extensions import override
 
-from fieldbus.canopen.node_setup import PdoSetup
+from fieldbus.canopen.node_setup import NodeSetup, Parameter, PdoSetup
 from fieldbus.cia402 import DriveState, decode_state
 from fieldbus.errors import ConfigurationError, HilError
-from motion.drives._canopen import CanopenNode, CanopenNodeConfig, CommissioningError, written
+from motion.drives._canopen import (
+    CanopenNode,
+    CanopenNodeConfig,
+    CommissioningError,
+    node_setup,
+    written,
+)
 from motion.drives._link import LinkedPort
 from motion.drives._max_torque import MaxTorque
 from motion.drives._probe_mark import ProbeMarkSearch
+from motion.drives.cia402_negotiation import Negotiation
 from motion.drives.cia402_plan import (
     CONTROL,
     FAULT_CODE,
@@ -41,14 +49,13 @@ from motion.drives.cia402_plan import (
     TARGET_VELOCITY,
     TORQUE,
     VELOCITY,
+    Answers,
     DrivePlan,
     PdoUse,
 )
 from motion.drives.port import STW1, ZSW1
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from fieldbus.canopen.master import CanopenMaster
     from fieldbus.history import History
 
@@ -61,6 +68,7 @@ _TPDO3: Final = Struct("<HB")
 
 _VELOCITY_UNIT_MILLI_RPM: Final = 0xFDB44700
 _PROFILE: Final = 402
+_ACKNOWLEDGED: Final = (Parameter(0x6040, 0, 0x0080, 2), Parameter(0x6040, 0, 0, 2))
 _POSITION_MODES: Final = (MODE_CSP, MODE_IP)
 _POSITION_TARGETS: Final = (TARGET_POSITION, INTERPOLATION_DATA)
 _ENABLE_INTERPOLATION: Final = 0x0010
@@ -88,6 +96,8 @@ class Cia402PortConfig(CanopenNodeConfig):
         off3_deceleration_rpm_s: Slope of OFF3, rpm per second (p1082 / p1135); written to 6085h.
         fault_reaction: 605Eh.
         plan: How to use a drive whose EDS is known.
+        plan_again: Returns the plan for a drive that is as it has shown on the bus; None: a drive that
+            refuses a part of its configuration is not taken into service.
 
     """
 
@@ -97,6 +107,7 @@ class Cia402PortConfig(CanopenNodeConfig):
     off3_deceleration_rpm_s: float = 6000.0
     fault_reaction: int = 2
     plan: DrivePlan = STANDARD
+    plan_again: Callable[[Answers], DrivePlan] | None = None
 
 
 class Cia402Port(LinkedPort):
@@ -111,6 +122,7 @@ class Cia402Port(LinkedPort):
     """
 
     __slots__ = (
+        "_config",
         "_fault_code",
         "_mapped",
         "_master",
@@ -122,6 +134,7 @@ class Cia402Port(LinkedPort):
         "_state_of_word",
         "_statusword",
         "_stw1",
+        "_subscriptions",
         "_torque_factor",
         "_torque_share_permille",
         "node",
@@ -149,31 +162,54 @@ class Cia402Port(LinkedPort):
         self._state_of_word: dict[int, DriveState] = {}
         self._torque_share_permille = 1000.0
         self._max_torque = MaxTorque(master, node, self._limit_refused)
-        self.has_torque_reduction = True
         self._probe = ProbeMarkSearch(master, node)
         self.mark = self._probe
-        plan = config.plan
+        self._config = config
         self._mapped: MappedData | None = None
+        self._subscriptions: list[Callable[[], None]] = []
+        self._use(config.plan)
+        self.node = CanopenNode(self, master, self._setup(config.plan)).remote
+        """The drive as a node of the network."""
+        if config.plan_again is not None:
+            self.node.negotiator = Negotiation(
+                config.plan, plan_again=config.plan_again, setup_of=self._setup, take=self._use
+            )
+
+    def _use(self, plan: DrivePlan) -> None:
+        """Exchange process data with the drive as a plan says."""
+        for remove in self._subscriptions:
+            remove()
+        subscribe, node = self._master.subscribe, self.node_id
+        self.has_torque_reduction = plan.limits_torque
+        self._mapped = None
+        self._probe.convert = None
         if plan.receive:
-            self._mapped = mapped = MappedData(master, plan, config)
+            self._mapped = mapped = MappedData(self._master, plan, self._config)
             self.brings_speed = mapped.brings_speed
-            for use in plan.transmit:
-                master.subscribe(use.cob_id, mapped.receiver(use))
+            self._probe.convert = mapped.increments_at
+            self._subscriptions = [subscribe(use.cob_id, mapped.receiver(use)) for use in plan.transmit]
         else:
-            master.subscribe(0x180 + node, self._on_tpdo1)
-            master.subscribe(0x280 + node, self._on_tpdo2)
-            master.subscribe(0x380 + node, self._on_tpdo3)
-        self.node = CanopenNode(
-            self,
-            master,
+            self._subscriptions = [
+                subscribe(0x180 + node, self._on_tpdo1),
+                subscribe(0x280 + node, self._on_tpdo2),
+                subscribe(0x380 + node, self._on_tpdo3),
+            ]
+
+    def _setup(self, plan: DrivePlan) -> NodeSetup:
+        """Return what a plan sets up in the drive."""
+        config = replace(self._config, plan=plan)
+        return node_setup(
+            self.name,
             config,
+            controller=self._master.node_id,
             disable=0x6040,
-            pdos=plan.setups if plan.receive else _pdos(node),
+            pdos=plan.setups if plan.receive else _pdos(self.node_id),
             parameters=_parameters(config),
+            prepare=_ACKNOWLEDGED if plan.fault_at_start else (),
+            calm=(Parameter(0x6007, 0, 0, 2),) if plan.faults_outside_operation else (),
             device_profile=_PROFILE if plan.is_402 else None,
             taken=plan.rows,
-        ).remote
-        """The drive as a node of the network."""
+        )
 
     def parameters(self) -> list[tuple[int, int, int]]:
         """Return what commissioning may write, in order: (index, sub-index, value)."""
@@ -467,6 +503,13 @@ class MappedData:
             self._travelled += (position - last + 0x80000000 & 0xFFFFFFFF) - 0x80000000
         self._last_position = position
         self.increments = (round(self._travelled * self._scale) + 0x80000000 & 0xFFFFFFFF) - 0x80000000
+
+    def increments_at(self, position: int) -> int:
+        """Return the encoder at a position near the last one, in units of the drive."""
+        last = self._last_position
+        way = 0 if last is None else (position - last + 0x80000000 & 0xFFFFFFFF) - 0x80000000
+        exact = round((self._travelled + way) * self._scale)
+        return (exact + 0x80000000 & 0xFFFFFFFF) - 0x80000000
 
     def send(self, control: int, speed_rpm: float) -> None:
         """Send control word and setpoint.

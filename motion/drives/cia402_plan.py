@@ -7,7 +7,7 @@ the plan then takes what is there, and says what is lost.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -62,6 +62,13 @@ _LOST: Final = {
     FAULT_CODE: "603Fh cannot be mapped: the fault code comes with the EMCY",
     FOLLOWING_ERROR: "60F4h cannot be mapped: the following error of the drive is not seen",
 }
+_SENT: Final = (CONTROL, MODE, TARGET_VELOCITY, TARGET_POSITION, TARGET_TORQUE, INTERPOLATION_DATA)
+"""What the controller has a value for in every cycle."""
+_ABORT_CONNECTION: Final = 0x600700
+_FAULT: Final = 1
+_MAX_TORQUE: Final = 0x607200
+_INVALID: Final = 1 << 31
+_MOST_ENTRIES: Final = 64
 _FIRST_COB: Final = {False: (0x200, 0x300, 0x400, 0x500), True: (0x180, 0x280, 0x380, 0x480)}
 _SYNCHRONOUS: Final = 1
 _BY_EVENT: Final = 255
@@ -104,6 +111,12 @@ class DrivePlan:
     """Increments of the encoder in a position unit of the drive."""
     is_402: bool = True
     """1000h says that the device is a drive."""
+    limits_torque: bool = True
+    """The drive has a torque limit that can be written (6072h)."""
+    faults_outside_operation: bool = False
+    """The drive takes leaving Operational for a fault (6007h = 1) until it is told otherwise."""
+    fault_at_start: bool = False
+    """Nothing keeps the drive from doing so (6007h is missing or read-only): the fault is acknowledged."""
     notes: tuple[str, ...] = ()
     """What is lost against the standard plan."""
 
@@ -122,6 +135,34 @@ class DrivePlan:
 STANDARD: Final = DrivePlan()
 
 
+@dataclass
+class Answers:
+    """What a drive has shown on the bus and its EDS does not say."""
+
+    values: dict[int, int] = field(default_factory=dict)
+    """What entries hold, by key."""
+    fixed: set[int] = field(default_factory=set)
+    """Keys of entries that it refuses to change."""
+    absent: set[int] = field(default_factory=set)
+    """Keys of entries that it does not have."""
+    unmappable: set[tuple[int, bool]] = field(default_factory=set)
+    """Objects that it refuses to map, by key and whether into a TPDO."""
+
+    def apply(self, entries: dict[int, Entry]) -> None:
+        """Let entries, which are nobody else's, be as the drive has shown."""
+        for key in self.absent:
+            entries.pop(key, None)
+        for key in self.fixed & entries.keys():
+            entries[key].writable = False
+        for key, value in self.values.items():
+            entry = entries.get(key)
+            if entry is not None and entry.integer:
+                entry.default, entry.given = entry.coerce(value), True
+        for key, transmit in self.unmappable:
+            if key in entries:
+                setattr(entries[key], "maps_transmit" if transmit else "maps_receive", False)
+
+
 def _fits(entry: Entry, value: int) -> bool:
     low, high = entry.type_range
     number = value if low <= value <= high or value >= 0 else value & (1 << entry.bits) - 1
@@ -138,13 +179,24 @@ class _Slot:
     transmit: bool
     cob_id: int
     kind: int
-    configurable: bool
-    """Identifier and transmission type can be written."""
+    fixed: frozenset[int]
+    """Keys of what cannot be written of its two records."""
     free: bool
     """Its mapping can be written."""
     capacity: int
+    silent: bool
+    """Its identifier can be made invalid."""
     content: list[int] = field(default_factory=list)
     used: bool = False
+
+    @property
+    def name(self) -> str:
+        """As in TPDO1."""
+        return f"{'T' if self.transmit else 'R'}PDO{self.number}"
+
+
+Mapped = Mapping[tuple[bool, int], Sequence[int]]
+"""Objects that PDOs shall carry, by key: (transmit, number) -> keys."""
 
 
 def plan_drive(
@@ -154,6 +206,7 @@ def plan_drive(
     mode: str = "auto",
     velocity_unit_rpm: float,
     increments_per_unit: float,
+    mapped: Mapped | None = None,
     also: Sequence[int] = (),
 ) -> DrivePlan:
     """Return how to use a drive with the entries of an EDS.
@@ -164,10 +217,12 @@ def plan_drive(
         mode: `auto`: the best mode that the drive has; else a name of `MODES`.
         velocity_unit_rpm: Velocity unit of the drive as it is, rpm.
         increments_per_unit: Increments of the encoder in a position unit of the drive as it is.
+        mapped: The mapping that a user wants; a direction of which it says nothing is planned.
         also: Further objects to be sent in every cycle, by key, where there is room.
 
     Raises:
-        ConfigurationError: No mode can be commanded with the PDOs of the drive; says what each lacks.
+        ConfigurationError: No mode can be commanded with the PDOs of the drive; says what each lacks. Or a
+            wanted mapping is not possible.
 
     """
     supported = _number(entries, 0x650200)
@@ -179,23 +234,52 @@ def plan_drive(
             reasons.append(f"{name}: 6502h = {supported:08X}h does not have it")
             continue
         slots = {transmit: _slots(entries, node_id, transmit=transmit) for transmit in (False, True)}
-        lacking = _place(entries, slots[False], [(CONTROL, _TARGET[candidate])], (MODE,))
-        lacking += _place(
-            entries,
-            slots[True],
-            [(STATUS, POSITION)],
-            (TORQUE,),
-            ((VELOCITY, INPUTS), (FAULT_CODE, _ERROR_REGISTER), *((key,) for key in also)),
-        )
+        groups = {
+            False: ((CONTROL, _TARGET[candidate], MODE),),
+            True: (
+                (STATUS, POSITION, TORQUE),
+                (VELOCITY, INPUTS),
+                (FAULT_CODE, _ERROR_REGISTER),
+                *((key,) for key in also),
+            ),
+        }
+        lacking: list[int] = []
+        for transmit in (False, True):
+            asked = {at: keys for at, keys in (mapped or {}).items() if at[0] == transmit}
+            if asked:
+                _place_as_asked(entries, slots[transmit], asked)
+                carried = {raw >> 8 for slot in slots[transmit] if slot.used for raw in slot.content}
+                lacking += [key for group in groups[transmit] for key in group if key not in carried]
+            else:
+                lacking += _place(entries, slots[transmit], groups[transmit], transmit=transmit)
         missing = [key for key in lacking if key in (CONTROL, _TARGET[candidate], STATUS, POSITION)]
         if missing:
-            objects = ", ".join(f"{key >> 8:04X}h" for key in missing)
-            reasons.append(f"{name}: no PDO carries {objects}")
+            reasons.append(f"{name}: {', '.join(_why_not(entries, missing))}")
             continue
         return _plan(entries, slots, candidate, lacking, (velocity_unit_rpm, increments_per_unit))
     raise ConfigurationError(
         "drive", mode, "a mode that the drive has and its PDOs can command", problem="; ".join(reasons)
     )
+
+
+def _why_not(entries: Mapping[int, Entry], missing: Sequence[int]) -> Iterator[str]:
+    """Yield why no PDO carries objects."""
+    free: list[str] = []
+    for key in missing:
+        entry = entries.get(key)
+        if entry is None:
+            yield f"{named(key)} does not exist"
+        elif not _mappable(entry, transmit=key in (STATUS, POSITION)):
+            yield f"{named(key)} cannot be mapped"
+        else:
+            free.append(named(key))
+    if free:
+        yield f"no PDO carries {', '.join(free)}"
+
+
+def named(key: int) -> str:
+    """Return an object as it is written: `6040h`, `60C1h:1`."""
+    return f"{key >> 8:04X}h" + (f":{key & 0xFF}" if key & 0xFF else "")
 
 
 def _plan(
@@ -207,52 +291,70 @@ def _plan(
 ) -> DrivePlan:
     velocity_unit_rpm, increments_per_unit = units
     writable = {key: entry for key, entry in entries.items() if entry.writable and entry.integer}
-    notes = [_COSTS[mode]] if _COSTS[mode] else []
-    notes += [text for key, text in _LOST.items() if key in lacking]
     sets_units = _UNIT in writable and _fits(writable[_UNIT], _MILLI_RPM)
-    if not sets_units:
-        notes.append(f"60A9h cannot be written: velocities in units of {velocity_unit_rpm:g} rpm")
     scaled = all(key in writable for key in (0x608F01, 0x608F02, 0x609201, 0x609202))
-    if 0x101700 not in writable:
-        guarded = 0x100C00 in writable and 0x100D00 in writable
-        notes.append(
-            "1017h cannot be written: " + ("node guarding" if guarded else "nobody notices a lost drive")
-        )
-    if 0x60C201 not in writable and mode != MODE_PV:
-        notes.append("60C2h cannot be written: the drive interpolates with the time that it has")
-    setups: list[PdoSetup] = []
+    used = [slot for some in slots.values() for slot in some if slot.used]
     uses: dict[bool, list[PdoUse]] = {False: [], True: []}
-    for transmit, some in slots.items():
-        for slot in some:
-            if slot.used:
-                uses[transmit].append(
-                    PdoUse(
-                        slot.cob_id, tuple(slot.content), tuple(_signed(entries, raw) for raw in slot.content)
-                    )
-                )
-            if slot.configurable and (slot.free or not slot.used):
-                setups.append(
-                    PdoSetup(transmit, slot.number, slot.cob_id, slot.kind, tuple(slot.content))
-                    if slot.used
-                    else PdoSetup(transmit, slot.number, slot.cob_id)
-                )
-            elif slot.used:
-                notes.append(
-                    f"{'T' if transmit else 'R'}PDO{slot.number} is used as the drive has it: "
-                    + ", ".join(f"{raw >> 16:04X}h" for raw in slot.content)
-                )
+    for slot in used:
+        signed = tuple(_signed(entries, raw) for raw in slot.content)
+        uses[slot.transmit].append(PdoUse(slot.cob_id, tuple(slot.content), signed))
     return DrivePlan(
         mode=mode,
         receive=tuple(uses[False]),
         transmit=tuple(uses[True]),
-        setups=tuple(setups),
+        setups=tuple(one for some in slots.values() for slot in some for one in _setup(slot)),
         writable=writable,
         velocity_unit_rpm=0.001 if sets_units else velocity_unit_rpm,
         sets_units=sets_units,
         increments_per_unit=1.0 if scaled else increments_per_unit,
         is_402=_number(entries, 0x100000) & 0xFFFF in (0, 402),
-        notes=tuple(notes),
+        limits_torque=_MAX_TORQUE in writable,
+        faults_outside_operation=_ABORT_CONNECTION in writable
+        and _number(entries, _ABORT_CONNECTION) == _FAULT,
+        fault_at_start=_ABORT_CONNECTION not in writable
+        and (_ABORT_CONNECTION not in entries or _number(entries, _ABORT_CONNECTION) == _FAULT),
+        notes=tuple(_notes(entries, used, mode, lacking, None if sets_units else velocity_unit_rpm)),
     )
+
+
+def _setup(slot: _Slot) -> Iterator[PdoSetup]:
+    """Yield what is written for a PDO, if anything."""
+    if slot.used:
+        setup = PdoSetup(
+            slot.transmit, slot.number, slot.cob_id, slot.kind, tuple(slot.content), fixed=slot.fixed
+        )
+        if setup.wanted:
+            yield setup
+    elif slot.silent:
+        yield PdoSetup(slot.transmit, slot.number, slot.cob_id)
+
+
+def _notes(
+    entries: Mapping[int, Entry],
+    used: Sequence[_Slot],
+    mode: int,
+    lacking: Sequence[int],
+    unit_rpm: float | None,
+) -> Iterator[str]:
+    """Yield what is lost against the standard plan."""
+    writable = {key for key, entry in entries.items() if entry.writable and entry.integer}
+    if _COSTS[mode]:
+        yield _COSTS[mode]
+    yield from (text for key, text in _LOST.items() if key in lacking)
+    if unit_rpm is not None:
+        yield f"60A9h cannot be written: velocities in units of {unit_rpm:g} rpm"
+    if 0x101700 not in writable:
+        guarded = 0x100C00 in writable and 0x100D00 in writable
+        yield "1017h cannot be written: " + ("node guarding" if guarded else "nobody notices a lost drive")
+    if 0x60C201 not in writable and mode != MODE_PV:
+        yield "60C2h cannot be written: the drive interpolates with the time that it has"
+    for slot in used:
+        if not slot.free:
+            carried = ", ".join(named(raw >> 8) for raw in slot.content)
+            yield f"{slot.name} is used as the drive has it: {carried}"
+        kind = ((0x1800 if slot.transmit else 0x1400) + slot.number - 1) << 8 | 2
+        if kind in slot.fixed and kind in entries and _number(entries, kind) != slot.kind:
+            yield f"{slot.name} keeps the transmission type {_number(entries, kind)}"
 
 
 def _number(entries: Mapping[int, Entry], key: int) -> int:
@@ -271,43 +373,95 @@ def _slots(entries: Mapping[int, Entry], node_id: int, *, transmit: bool) -> lis
     for number in range(1, 5):
         communication = (0x1800 if transmit else 0x1400) + number - 1 << 8
         mapping = (0x1A00 if transmit else 0x1600) + number - 1 << 8
-        cob, kind, count = (entries.get(key) for key in (communication | 1, communication | 2, mapping))
-        if cob is None or count is None:
+        cob, count = entries.get(communication | 1), entries.get(mapping)
+        if cob is None or count is None or not (cob.writable or not int(cob.default) & _INVALID):
             continue
-        members = [entries[mapping | sub] for sub in range(1, 65) if mapping | sub in entries]
-        free = count.writable and bool(members) and all(one.writable for one in members)
-        configurable = cob.writable and kind is not None and kind.writable
-        default = [int(one.default) for one in members[: int(count.default) if not free else 0]]
-        given = int(cob.default) & 0x7FF
+        keys = [mapping | sub for sub in range(1, _MOST_ENTRIES + 1) if mapping | sub in entries]
+        free = count.writable and bool(keys) and all(entries[key].writable for key in keys)
         own = _FIRST_COB[transmit][number - 1] + node_id
+        content = [int(entries[key].default) for key in keys]
+        length = int(count.default)
+        kind = communication | 2
         found.append(
             _Slot(
                 number,
                 transmit,
-                own if configurable or not given else given,
+                own if cob.writable else int(cob.default) & 0x7FF,
                 _SYNCHRONOUS,
-                configurable,
-                free and configurable,
-                len(members),
-                [raw for raw in default if raw],
+                frozenset(
+                    key
+                    for key in (communication | 1, kind, mapping, *keys)
+                    if key not in entries or not entries[key].writable or (not free and key in keys)
+                ),
+                free,
+                len(keys),
+                cob.writable,
+                [] if free else [raw for raw in content[: length or len(content)] if raw],
             )
         )
     return found
 
 
+def _place_as_asked(
+    entries: Mapping[int, Entry], slots: Sequence[_Slot], asked: Mapping[tuple[bool, int], Sequence[int]]
+) -> None:
+    """Put objects into the PDOs that a user has named.
+
+    Raises:
+        ConfigurationError: A PDO does not exist, is fixed to something else or cannot carry an object.
+
+    """
+    there = {slot.number: slot for slot in slots}
+    for (transmit, number), keys in asked.items():
+        where = f"pdo.{'t' if transmit else 'r'}pdo{number}"
+        shown = ", ".join(named(key) for key in keys)
+        slot = there.get(number)
+        if slot is None:
+            names = ", ".join(one.name for one in slots) or "none"
+            raise ConfigurationError(where, shown, f"a PDO of the drive: {names}")
+        content: list[int] = []
+        for key in keys:
+            entry = entries.get(key)
+            if entry is None:
+                raise ConfigurationError(where, named(key), "an object of the drive")
+            if not entry.bits or not _mappable(entry, transmit=transmit):
+                raise ConfigurationError(where, named(key), f"an object that a {slot.name[:4]} can carry")
+            if not transmit and key not in _SENT:
+                raise ConfigurationError(
+                    where, named(key), f"what the controller sends: {', '.join(named(one) for one in _SENT)}"
+                )
+            content.append(entry.index << 16 | entry.sub << 8 | entry.bits)
+        if not slot.free and content != slot.content:
+            has = ", ".join(named(raw >> 8) for raw in slot.content)
+            raise ConfigurationError(where, shown, f"{has}: the drive does not let {slot.name} be mapped")
+        bits = sum(raw & 0xFF for raw in content)
+        if bits > 64 or len(content) > slot.capacity:
+            raise ConfigurationError(
+                where, f"{len(content)} objects of {bits} bits", f"{slot.capacity} objects, 64 bits"
+            )
+        slot.content, slot.used = content, True
+        slot.kind = _kind(slot)
+
+
+def _kind(slot: _Slot) -> int:
+    """Return the transmission type: by event for what says why a drive has failed, else with SYNC."""
+    keys = {raw >> 8 for raw in slot.content}
+    return _BY_EVENT if slot.transmit and keys and keys <= {FAULT_CODE, _ERROR_REGISTER} else _SYNCHRONOUS
+
+
 def _place(
     entries: Mapping[int, Entry],
     slots: Sequence[_Slot],
-    first: Sequence[tuple[int, ...]],
-    more: Sequence[int] = (),
-    others: Sequence[tuple[int, ...]] = (),
+    groups: Sequence[Sequence[int]],
+    *,
+    transmit: bool,
 ) -> list[int]:
-    """Put objects into PDOs: `first`, with `more` where there is room, then the others; return what is left.
+    """Put groups of objects into PDOs, each into one of its own where there is one; return what is left.
 
     An object that a PDO with a fixed mapping carries stays there.
     """
     lacking: list[int] = []
-    for at, group in enumerate((*(tuple(one) + tuple(more) for one in first), *others)):
+    for group in groups:
         empty = next((slot for slot in slots if slot.free and not slot.used), None)
         for key in group:
             fixed = next(
@@ -318,11 +472,7 @@ def _place(
                 fixed.used = True
                 continue
             entry = entries.get(key)
-            if (
-                entry is None
-                or not entry.bits
-                or not _mappable(entry, transmit=slots[0].transmit if slots else True)
-            ):
+            if entry is None or not entry.bits or not _mappable(entry, transmit=transmit):
                 lacking.append(key)
                 continue
             room = [slot for slot in ([empty] if empty else []) if _room(slot, entry)]
@@ -330,11 +480,10 @@ def _place(
             if not room:
                 lacking.append(key)
                 continue
-            slot = room[0]
-            slot.content.append(entry.index << 16 | entry.sub << 8 | entry.bits)
-            slot.used = True
-            if FAULT_CODE in group and at:
-                slot.kind = _BY_EVENT if slot is empty else slot.kind
+            room[0].content.append(entry.index << 16 | entry.sub << 8 | entry.bits)
+            room[0].used = True
+    for slot in slots:
+        slot.kind = _kind(slot)
     return lacking
 
 

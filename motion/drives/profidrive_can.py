@@ -19,7 +19,7 @@ from typing_extensions import override
 from fieldbus.can.timing import FrameMaker
 from fieldbus.canopen.node_setup import PdoSetup
 from fieldbus.errors import ConfigurationError, HilError
-from motion.drives._canopen import CanopenNode, CanopenNodeConfig, written
+from motion.drives._canopen import CanopenNode, CanopenNodeConfig, node_setup, written
 from motion.drives._telegram_pdos import WORDS_PER_PDO, TelegramPdos
 from motion.drives.profidrive import ProfidrivePort, TelegramConfig, decode_parameter
 
@@ -113,7 +113,8 @@ class ProfidriveCanPort(ProfidrivePort):
         self._cut()
         self._pdos = TelegramPdos(master, node, self.telegram.actual.words)
         master.subscribe(self._status_id(), self._on_status)
-        self.node = CanopenNode(self, master, config, disable=_RECEIVE, pdos=self._pdo_setups()).remote
+        setup = node_setup(name, config, controller=master.node_id, disable=_RECEIVE, pdos=self._pdo_setups())
+        self.node = CanopenNode(self, master, setup).remote
         """The drive as a node of the network."""
 
     def _cut(self) -> None:

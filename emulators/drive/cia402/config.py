@@ -57,6 +57,7 @@ class DriveConfig(TorqueKeys, PowerKeys, BootKeys, Cia402Keys):
         eds: EDS file to present on the bus; None = that of this drive.
         storage: File in which stored parameters outlive the process; None = they do not.
         objects: Values that replace defaults of the EDS, by (index, sub-index).
+        refusals: SDO abort codes of entries that take no value, by (index, sub-index).
         personality: Name of the manufacturer personality that has been applied.
         quirks: Where the drive differs from the profile.
         emcy: What is sent instead of an EMCY code of the profile.
@@ -83,6 +84,7 @@ class DriveConfig(TorqueKeys, PowerKeys, BootKeys, Cia402Keys):
     eds: Path | None = None
     storage: Path | None = None
     objects: Mapping[tuple[int, int], int] = field(default_factory=dict)
+    refusals: Mapping[tuple[int, int], int] = field(default_factory=dict)
     personality: str = "standard"
     quirks: Quirks = field(default_factory=Quirks)
     emcy: Mapping[int, EmcyCode] = field(default_factory=dict)

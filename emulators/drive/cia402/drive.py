@@ -27,7 +27,13 @@ from emulators.drive.cia402.objects.mode_rules import (
 )
 from emulators.drive.cia402.objects.profile import SUPPORTED_HOMING
 from emulators.drive.cia402.objects.protection import clear_history, protection_readers
-from emulators.drive.cia402.objects.rules import NEVER_ZERO, REQUIRED, axis_checks, axis_readers
+from emulators.drive.cia402.objects.rules import (
+    IN_VELOCITY_UNITS,
+    NEVER_ZERO,
+    REQUIRED,
+    axis_checks,
+    axis_readers,
+)
 from emulators.drive.cia402.objects.table import all_objects
 from emulators.drive.cia402.parameters import Parameters
 from emulators.drive.cia402.protection import Protection
@@ -36,6 +42,7 @@ from emulators.drive.cia402.statemachine import PowerStateMachine
 from emulators.drive.cia402.status_word import StatusWord
 from emulators.drive.cia402.sync_jitter import SyncJitter
 from emulators.drive.cia402.touch_probe import TouchProbe
+from emulators.drive.cia402.velocity_limits import VelocityLimits
 from emulators.drive.cia402.warnings import DriveWarning, Warnings
 from emulators.drive.drive_train import build_drive_train
 from emulators.drive.emulated_drive import MainsDrive
@@ -58,6 +65,7 @@ _SERVO_DRIVE: Final = 0x00020192
 """1000h of a servo drive (C402-309)."""
 _CONTROL_PRIORITY: Final = 1
 """The control cycle follows the servo step of the same instant."""
+_VELOCITY_UNIT: Final = 0x60A900
 _STATUSWORD: Final = 0x604100
 _SYNC_PAUSE_NS: Final = 100 * MS
 _TARGET_REACHED: Final = 1 << 10
@@ -157,6 +165,11 @@ class CiA402Drive(MainsDrive):
             config=config, core=self.core, values=slave.values, options=self.machine.options
         )
         self.axis.refresh()
+        entries = slave.store.entries
+        unit = entries[_VELOCITY_UNIT].default if _VELOCITY_UNIT in entries else slave.values[_VELOCITY_UNIT]
+        self._velocity_limits = VelocityLimits(
+            entries, IN_VELOCITY_UNITS, self.axis.units.velocity_unit(int(unit))
+        )
         self.axis.fitted_inputs = self.digital_inputs.fitted
         self._control_period_s = self.axis.control_period_s
         self.parameters = Parameters(self.axis, self.emit)
@@ -246,6 +259,9 @@ class CiA402Drive(MainsDrive):
         """Connect the objects with what they show and do."""
         axis, function, probe = self.axis, self.function, self.touch_probe
         log, slave = self.faults.log, self.slave
+        slave.sdo.refused_writes = {
+            index << 8 | sub: code for (index, sub), code in self.config.refusals.items()
+        }
         self.node.connect(
             {
                 **protection_readers(self.config, self.protection, self.safety, log),
@@ -262,7 +278,7 @@ class CiA402Drive(MainsDrive):
                 0x60B800: probe.on_function,
                 0x60D001: probe.on_source,
                 0x60D002: probe.on_source,
-                **axis_checks(axis, self.parameters),
+                **axis_checks(axis, self.parameters, self._velocity_limits),
                 **mode_checks(function, self.warnings, self.parameters),
             },
         )
@@ -361,6 +377,7 @@ class CiA402Drive(MainsDrive):
 
     def _on_reset(self, application: bool) -> None:
         self.parameters.changed = True
+        self._velocity_limits.follow(self.axis.units.velocity_unit(self.slave.values[_VELOCITY_UNIT]))
         if application:
             self._restart_application()
 

@@ -15,6 +15,9 @@ and are chosen by name; a path chooses a file of your own:
     [objects]                 # other defaults of objects, "INDEX:SUB" hexadecimal
     "1800:2" = 1
 
+    [refusals]                # entries that take no value, whatever the EDS says, with the SDO abort code
+    "1A02:3" = 0x06040041
+
     [emcy.8611]               # instead of this EMCY code of the profile
     code = 0x8611
     data = "0200"
@@ -39,7 +42,7 @@ from fieldbus.toml_text import parsed_toml
 FOLDER: Final = Path(__file__).with_name("personalities")
 """Where the personalities of the product stand."""
 
-_TABLES: Final = ("name", "summary", "quirks", "drive", "objects", "emcy", "sources")
+_TABLES: Final = ("name", "summary", "quirks", "drive", "objects", "refusals", "emcy", "sources")
 _DRIVE_KEYS: Final[Mapping[str, type | tuple[type, ...]]] = {
     "home_offset": str,
     "self_test_s": (int, float),
@@ -56,8 +59,10 @@ class Personality:
         quirks: Deviations in behaviour.
         drive: Fields of `DriveConfig` that it sets.
         objects: Other defaults of objects, by (index, sub-index).
+        refusals: SDO abort codes of entries that take no value, by (index, sub-index).
         emcy: What is sent instead of an EMCY code of the profile.
-        sources: Where each deviation is documented, by "quirks.NAME", "drive.NAME", "objects", "emcy".
+        sources: Where each deviation is documented, by "quirks.NAME", "drive.NAME", "objects", "refusals",
+            "emcy".
 
     """
 
@@ -66,6 +71,7 @@ class Personality:
     quirks: Quirks = field(default_factory=Quirks)
     drive: Mapping[str, Any] = field(default_factory=dict)
     objects: Mapping[tuple[int, int], int] = field(default_factory=dict)
+    refusals: Mapping[tuple[int, int], int] = field(default_factory=dict)
     emcy: Mapping[int, EmcyCode] = field(default_factory=dict)
     sources: Mapping[str, str] = field(default_factory=dict)
 
@@ -81,6 +87,7 @@ class Personality:
             ),
             *(f"drive.{name}" for name in self.drive),
             *(["objects"] if self.objects else []),
+            *(["refusals"] if self.refusals else []),
             *(["emcy"] if self.emcy else []),
         )
 
@@ -103,6 +110,7 @@ class Personality:
             quirks=self.quirks,
             emcy=self.emcy,
             objects={**self.objects, **config.objects},
+            refusals=self.refusals,
             **changes,
         )
 
@@ -167,7 +175,8 @@ def _parse(content: Mapping[str, Any], where: str) -> Personality:
         summary=content["summary"],
         quirks=_quirks(content.get("quirks", {}), where),
         drive=_drive(content.get("drive", {}), where),
-        objects=_objects(content.get("objects", {}), where),
+        objects=_objects(content.get("objects", {}), f"{where}: objects"),
+        refusals=_refusals(content.get("refusals", {}), f"{where}: refusals"),
         emcy=_emcy(content.get("emcy", {}), where),
         sources=_sources(content.get("sources", {}), where),
     )
@@ -219,11 +228,21 @@ def _objects(table: Mapping[str, Any], where: str) -> dict[tuple[int, int], int]
     for key, value in table.items():
         match = re.fullmatch(r"([0-9A-Fa-f]{4}):([0-9A-Fa-f]{1,2})", key)
         if match is None:
-            raise ConfigurationError(f"{where}: objects", key, 'keys like "1800:2", hexadecimal')
+            raise ConfigurationError(where, key, 'keys like "1800:2", hexadecimal')
         if not isinstance(value, int) or isinstance(value, bool):
-            raise ConfigurationError(f"{where}: objects.{key}", value, "a whole number")
+            raise ConfigurationError(f"{where}.{key}", value, "a whole number")
         objects[int(match[1], 16), int(match[2], 16)] = value
     return objects
+
+
+def _refusals(table: Mapping[str, Any], where: str) -> dict[tuple[int, int], int]:
+    codes = _objects(table, where)
+    for (index, sub), code in codes.items():
+        if not 0x05000000 <= code <= 0x08FFFFFF:
+            raise ConfigurationError(
+                f"{where}.{index:04X}:{sub:X}", f"{code:08X}h", "an SDO abort code, 05000000h to 08FFFFFFh"
+            )
+    return codes
 
 
 def _emcy(table: Mapping[str, Any], where: str) -> dict[int, EmcyCode]:

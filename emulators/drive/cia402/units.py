@@ -19,6 +19,7 @@ RANGE_OFF: Final = (-0x80000000, 0x7FFFFFFF)
 """Values of 607Bh and 607Dh for no limit."""
 _TAU: Final = 2.0 * math.pi
 _REVOLUTION: Final = 0xB4
+_INCREMENT: Final = 0xB5
 _SECOND: Final = 0x03
 _MINUTE: Final = 0x47
 _RPM: Final = _REVOLUTION << 16 | _MINUTE << 8
@@ -27,14 +28,15 @@ _POLARITY_VELOCITY: Final = 0x40
 _POLARITY_TORQUE: Final = 0x20
 
 
-def velocity_unit_rad_s(unit: int, user_position_rad: float = 1.0) -> float:
+def velocity_unit_rad_s(unit: int, user_position_rad: float = 1.0, increment_rad: float = 1.0) -> float:
     """Return the size of a velocity unit of 60A9h at the motor shaft, rad/s.
 
     Args:
         unit: Value of 60A9h: 0 = not specified, taken as rpm; otherwise bits 31..24 decimal exponent,
-            23..16 numerator (B4h revolution, 00h position unit), 15..8 denominator (47h minute, 03h second),
-            7..0 zero.
+            23..16 numerator (B4h revolution, B5h increment, 00h position unit), 15..8 denominator (47h
+            minute, 03h second), 7..0 zero.
         user_position_rad: Size of the position unit at the motor shaft, rad.
+        increment_rad: Size of an increment of the encoder, rad.
 
     Raises:
         ConfigurationError: The unit is not known.
@@ -47,15 +49,15 @@ def velocity_unit_rad_s(unit: int, user_position_rad: float = 1.0) -> float:
     numerator = unit >> 16 & 0xFF
     denominator = unit >> 8 & 0xFF
     if (
-        numerator not in (_REVOLUTION, 0)
+        numerator not in (_REVOLUTION, _INCREMENT, 0)
         or denominator not in (_SECOND, _MINUTE)
         or unit & 0xFF
         or abs(exponent) > 9
     ):
         raise ConfigurationError(
-            "60A9h", f"{unit:08X}h", "xxB44700h (rpm), xxB40300h (1/s), xx000300h (pu/s)"
+            "60A9h", f"{unit:08X}h", "xxB44700h (rpm), xxB40300h (1/s), xxB50300h (inc/s), xx000300h (pu/s)"
         )
-    size = _TAU if numerator == _REVOLUTION else user_position_rad
+    size = {_REVOLUTION: _TAU, _INCREMENT: increment_rad, 0: user_position_rad}[numerator]
     if denominator == _MINUTE:
         size /= 60.0
     return size * 10.0**exponent if exponent >= 0 else size / 10.0**-exponent
@@ -122,7 +124,8 @@ class Units:
 
         increments = ratio(0x608F) * ratio(0x6091) / ratio(0x6092) * ratio(0x6093)
         position = float(increments) * _TAU / self._counts
-        velocity = velocity_unit_rad_s(values[0x60A900], position) * float(ratio(0x6096) * ratio(0x6094))
+        velocity = velocity_unit_rad_s(values[0x60A900], position, _TAU / self._counts)
+        velocity *= float(ratio(0x6096) * ratio(0x6094))
         acceleration = velocity * float(ratio(0x6097))
         speed_increments = float(ratio(0x6090))
         lowest, highest = values[0x607B01], values[0x607B02]
@@ -140,6 +143,15 @@ class Units:
         self._lowest = lowest
         self.turn = 0 if lowest >= highest or (lowest, highest) == RANGE_OFF else highest - lowest + 1
         self.plain = increments == 1 and self.position_sign == 1 and not self.turn
+
+    def velocity_unit(self, unit: int) -> float:
+        """Return the size of a velocity unit of 60A9h without the older factors, rad/s.
+
+        Raises:
+            ConfigurationError: The unit is not known.
+
+        """
+        return velocity_unit_rad_s(unit, self.position, _TAU / self._counts)
 
     def to_user_position(self, increments: int) -> int:
         """Return a number of increments in position units, 32 bits (rounded to

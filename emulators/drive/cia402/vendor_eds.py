@@ -10,12 +10,14 @@ from typing import Any, Final
 from emulators.drive.cia402.objects.rules import IN_VELOCITY_UNITS, NEVER_ZERO
 from emulators.drive.cia402.objects.table import all_objects
 from emulators.drive.cia402.units import Units
+from emulators.drive.machine import EncoderConfig
 from fieldbus.canopen import shared_dictionary
 from fieldbus.canopen.dictionary import Entry, entries_of
 from fieldbus.errors import ConfigurationError
 
 _RPM: Final = math.tau / 60.0
 _PERIOD: Final = 0x60C201
+_ENCODER: Final = 0x608F
 _OLDER_UNITS: Final = {0xA3: 0x00B40300, 0xA4: 0x00B44700}
 """Dimension index of 608Ch -> unit of 60A9h without its exponent: revolutions per second, per minute."""
 
@@ -27,21 +29,37 @@ class VendorEds:
 
     Args:
         path: EDS or DCF.
+        increments_per_revolution: Of the encoder, where the file leaves that open.
+        shown: What objects of the drive hold, by key, where that is known; it counts in place of the
+            defaults of the file.
 
     Raises:
         ConfigurationError: The file cannot be read, or names a velocity unit that is not known.
 
     """
 
-    def __init__(self, path: str | PathLike[str]) -> None:
+    def __init__(
+        self,
+        path: str | PathLike[str],
+        *,
+        increments_per_revolution: int = EncoderConfig.counts_per_revolution,
+        shown: Mapping[int, int] | None = None,
+    ) -> None:
         self._path = fspath(path)
         self._entries = entries_of(shared_dictionary(path), 1)
+        for key, value in (shown or {}).items():
+            entry = self._entries.get(key)
+            if entry is not None and entry.integer:
+                entry.default, entry.given = entry.coerce(value), True
+        self.increments_per_revolution = self._increments_per_revolution()
+        """608Fh, where it is a whole number of at least four."""
         self._builtin: dict[int, Any] = {
             row.index << 8 | sub: item.default or 0
             for row in all_objects()
             for sub, item in row.items.items()
         }
-        counts = self.increments_per_revolution or self._builtin[0x608F01]
+        counts = self.increments_per_revolution or increments_per_revolution
+        self._builtin[0x608F01] = counts
         self._left_open: Objects = {}
         """What the file leaves open, and what follows from the rest of it."""
         if self.given(0x6092, 1) is None:
@@ -68,8 +86,14 @@ class VendorEds:
     def given(self, index: int, sub: int = 0) -> int | None:
         """Return a default of the file; None where it has no such whole number or leaves it open.
 
-        The value 0 leaves it open where no drive could work with it: a ratio, a rated value, a limit.
+        The value 0 leaves it open where no drive could work with it: a ratio, a rated value, a limit. So does
+        608Fh if a revolution has no whole number of increments, which no encoder of a bench has.
         """
+        if index == _ENCODER and self.increments_per_revolution is None:
+            return None
+        return self._number(index, sub)
+
+    def _number(self, index: int, sub: int = 0) -> int | None:
         entry = self._entries.get(index << 8 | sub)
         if entry is None or not entry.given or not entry.integer:
             return None
@@ -78,15 +102,13 @@ class VendorEds:
             return None
         return value
 
-    # -- as keys of the bench file ------------------------------------------------------------------------
-
-    @property
-    def increments_per_revolution(self) -> int | None:
-        """608Fh, where it is a whole number of at least four."""
-        increments, revolutions = self.given(0x608F, 1), self.given(0x608F, 2) or 1
+    def _increments_per_revolution(self) -> int | None:
+        increments, revolutions = self._number(_ENCODER, 1), self._number(_ENCODER, 2) or 1
         if increments is None or increments % revolutions or not 4 <= increments // revolutions <= 1 << 24:
             return None
         return increments // revolutions
+
+    # -- as keys of the bench file ------------------------------------------------------------------------
 
     @property
     def rated_torque_nm(self) -> float | None:

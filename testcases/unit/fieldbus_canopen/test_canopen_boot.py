@@ -5,6 +5,7 @@ wrong.
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 
 import pytest
 
@@ -217,6 +218,31 @@ def test_node_that_has_not_started_again_is_prepared_only_if_it_differs(kit, cha
     )
     assert (NmtCommand.ENTER_PRE_OPERATIONAL in net.commands()) is changed
     assert ("restarted" in net.user.reported[1:]) is changed
+
+
+def test_a_node_that_is_only_compared_is_never_written(kit):
+    """What differs is named and keeps the node out of service; once it is equal the node is started, and no
+    download and no Pre-operational has been on the bus.
+    """
+    net = Net(kit, prepare=PREPARE, compare_only=True, store=False)
+    net.start()
+    failure = net.node.failure
+    assert net.node.boot_state is BootState.FAILED
+    assert failure is not None
+    assert "1017h:0 is 0000h, 0032h is wanted" in failure.differences
+    assert any(text.startswith("1801h:1 is ") for text in failure.differences)
+    assert not any("60FFh" in text for text in failure.differences)
+    assert (net.written(), net.commands()) == ([], [])
+    net = Net(kit, prepare=PREPARE)
+    net.start()
+    net.node.setup = replace(net.node.setup, compare_only=True)
+    net.slave.power_off()
+    net.run(200)
+    net.heard.clear()
+    net.slave.power_on()
+    net.run(100)
+    assert net.node.in_service
+    assert (net.written(), net.commands()) == ([], [NmtCommand.START])
 
 
 def test_equal_entries_are_not_written(net):

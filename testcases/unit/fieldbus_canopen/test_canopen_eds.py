@@ -329,6 +329,30 @@ NOTED = {
         lambda od: od[0x2000].default,
         1.5,
     ),
+    "days and milliseconds": (
+        variable(DataType="0x000C", DefaultValue="365 43200000"),
+        [],
+        lambda od: entries_of(od, 5)[0x200000].default,
+        bytes.fromhex("002e93026d01"),
+    ),
+    "remarks behind numbers and headers": (
+        variable("2000] # a remark", DefaultValue="0x12 # a number").replace("remark]", "remark"),
+        ["[2000] DefaultValue: '0x12 # a number' has a remark; '0x12' counts"],
+        lambda od: od[0x2000].default,
+        0x12,
+    ),
+    "types by name": (
+        variable(ObjectType="VAR", DataType="INTEGER16", DefaultValue="-3"),
+        ["[2000] ObjectType: 'VAR' is taken as 7", "[2000] DataType: 'INTEGER16' is taken as 3"],
+        lambda od: entries_of(od, 5)[0x200000].encode(-3),
+        b"\xfd\xff",
+    ),
+    "a factor that is no number": (
+        variable(Factor="ERROR"),
+        ["[2000] Factor: 'ERROR' is no number and is left out"],
+        lambda od: od[0x2000].factor,
+        1,
+    ),
     "compact PDOs next to records that are written out": (
         "\n[DeviceInfo]\nCompactPDO=23\n" + variable("1A00"),
         ["[DeviceInfo]: line 10 repeats", "[DeviceInfo] CompactPDO: not needed"],
@@ -359,12 +383,28 @@ def refusal(path, otherwise):
     return otherwise
 
 
-def test_compact_pdos_are_refused(tmp_path):
-    """PDO records in compact form are refused rather than missing."""
+def test_compact_pdos_are_the_records_that_the_file_leaves_out(tmp_path):
+    """`CompactPDO` says which members the missing communication records have; what is written out stays."""
     path = tmp_path / "device.eds"
-    path.write_text(HEAD.replace("VendorName=x", "CompactPDO=0x7"))
-    with pytest.raises(ConfigurationError, match="CompactPDO"):
-        load_dictionary(path)
+    path.write_text(
+        HEAD.replace("VendorName=x", "CompactPDO=0x13\nNrOfRXPDO=1\nNrOfTXPDO=6\n")
+        + variable("1800", ObjectType="9", DataType=None, AccessType=None)
+        + variable("1800sub1", DataType="0x0007", AccessType="ro", DefaultValue="0x1A5")
+    )
+    dictionary = load_dictionary(path)
+    entries = entries_of(dictionary, 5)
+    assert [sub for sub in range(8) if 0x140000 | sub in entries] == [0, 1, 2, 5]
+    assert entries[0x140001].default == 0x205
+    assert [sub for sub in range(8) if 0x180000 | sub in entries] == [1]
+    assert entries[0x180001].default == 0x1A5
+    assert [entries[0x180001 | number << 8].default for number in (1, 3, 4)] == [0x285, 0x485, 0x80000000]
+    assert entries[0x180501].default == 0x80000000
+    assert 0x180601 not in entries
+    assert entries[0x160040].writable
+    assert entries[0x1A0500].default == 0
+    assert notes_of(dictionary) == (
+        "[DeviceInfo] CompactPDO: the file does not write out RPDO1, TPDO2, TPDO3, TPDO4, TPDO5, TPDO6",
+    )
 
 
 @given(

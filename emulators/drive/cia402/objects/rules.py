@@ -9,7 +9,8 @@ from typing import Final
 from emulators.drive.cia402.axis import OPTION_CODES, ProfileAxis, interpolation_period_s
 from emulators.drive.cia402.objects.mode_rules import ALLOWED
 from emulators.drive.cia402.parameters import Parameters
-from emulators.drive.cia402.units import velocity_unit_rad_s, wrap32
+from emulators.drive.cia402.units import wrap32
+from emulators.drive.cia402.velocity_limits import VelocityLimits
 from emulators.drive.supply import DcLink
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.errors import ConfigurationError
@@ -27,7 +28,7 @@ FACTORS: Final = (0x608F, 0x6090, 0x6091, 0x6092, 0x6093, 0x6094, 0x6096, 0x6097
 NEVER_ZERO: Final = frozenset(
     (
         *FACTORS,
-        *(0x6072, 0x6073, 0x6075, 0x6076, 0x607F, 0x6080, 0x6083, 0x6084, 0x6085, 0x6099, 0x609A),
+        *(0x6065, 0x6072, 0x6073, 0x6075, 0x6076, 0x607F, 0x6080, 0x6083, 0x6084, 0x6085, 0x6099, 0x609A),
         *(0x60C5, 0x60C6, 0x60E0, 0x60E1),
     )
 )
@@ -68,7 +69,9 @@ def axis_readers(axis: ProfileAxis, dc_link: DcLink) -> dict[int, Callable[[], i
     }
 
 
-def axis_checks(axis: ProfileAxis, parameters: Parameters) -> dict[int, Callable[[int], object]]:
+def axis_checks(
+    axis: ProfileAxis, parameters: Parameters, limits: VelocityLimits
+) -> dict[int, Callable[[int], object]]:
     """Return the rules of the objects of the axis, whatever the mode."""
     values = axis.values
     core = axis.core
@@ -119,14 +122,15 @@ def axis_checks(axis: ProfileAxis, parameters: Parameters) -> dict[int, Callable
     def unit(value: int) -> None:
         old = values[0x60A900]
         try:
-            size = velocity_unit_rad_s(value, axis.units.position)
+            size = axis.units.velocity_unit(value)
         except ConfigurationError:
             raise SdoAbort(AbortCode.VALUE) from None
         outside_operation(value, old)
         if value == old:
             return
         # What the drive can and does stays what it is; only the numbers that say it change.
-        share = velocity_unit_rad_s(old, axis.units.position) / size
+        share = axis.units.velocity_unit(old) / size
+        limits.follow(size)
         for key, (low, high) in IN_VELOCITY_UNITS.items():
             if values[key] not in (low, high):
                 values[key] = min(max(round(values[key] * share), low), high)
