@@ -216,6 +216,17 @@ def run(
             help="pairwise: cases on machines that differ in many ways; pairwise:N: each case on N of them.",
         ),
     ] = "",
+    controllers: Annotated[
+        str,
+        typer.Option(
+            "--controllers",
+            metavar="MAKES",
+            help=(
+                "nc: cases on axes of an NC; s7,nc: on both, compared in the report; default: as the "
+                "bench says."
+            ),
+        ),
+    ] = "",
     list_only: Annotated[bool, typer.Option("--list", help="Show the cases and run nothing.")] = False,
     evidence: EvidenceOption = "failed",
     history: HistoryOption = "",
@@ -249,6 +260,7 @@ def run(
         summary=summary,
         catalogue=catalogue,
         configurations=configurations,
+        controllers=controllers,
         verbose=verbose,
     )
     raise typer.Exit(list_cases(request) if list_only else run_campaigns(request))

@@ -178,6 +178,8 @@ class CaseResult:
     """Digest of the source of the case: one that was edited is neither fixed nor flaky; may be empty."""
     traceback: str = ""
     """Where in the code of the test it failed, as the test runner shows it; may be empty."""
+    controller: str = ""
+    """Make of the controller where the user asked for it: `s7` or `nc`; empty: that of the bench."""
 
 
 class Earlier(NamedTuple):

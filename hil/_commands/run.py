@@ -11,6 +11,7 @@ from typing import Final, cast
 from hil._commands.terminal import CaseProgress, console, print_json, quiet_stdout
 from hil._outputs import check_summary, give_summary, kept
 from hil._requirements import Requirement, complete, own_requirements
+from hil.bench.makes import make_of
 from hil.campaign import (
     SHIPPED,
     Runner,
@@ -18,9 +19,11 @@ from hil.campaign import (
     Selected,
     find_campaigns,
     load_bench_file,
+    load_campaign,
     select_cases,
 )
 from hil.campaign._configurations import draw_configurations
+from hil.campaign._controllers import parse_controllers
 from hil.campaign._files import Keep
 from hil.campaign._lock import only_run_in
 from hil.campaign._runner import shard
@@ -68,6 +71,8 @@ class RunRequest:
     """Requirements of the user, which lead the report."""
     configurations: str = ""
     """`pairwise` or `pairwise:3`: every case on configurations in place of its own bench."""
+    controllers: str = ""
+    """`nc` or `s7,nc`: every case on axes of these makes; empty: on those of the bench."""
 
 
 def run_campaigns(request: RunRequest) -> int:
@@ -88,6 +93,7 @@ def selected(request: RunRequest) -> list[Selected]:
         cases = select_cases(found, pattern=request.select, tags=request.tags)
         if request.configurations:
             cases = on_configurations(cases, request)
+        cases = on_controllers(cases, request)
     if not request.last_failed or request.resume:
         return cases
     wanted = failed_before(request.report)
@@ -111,6 +117,34 @@ def on_configurations(cases: list[Selected], request: RunRequest) -> list[Select
     drawn = draw_configurations(cases, seed=request.seed, each=parse_configurations(request.configurations))
     console().print(drawn.summary, markup=False)
     return drawn.cases
+
+
+def on_controllers(cases: list[Selected], request: RunRequest) -> list[Selected]:
+    """Return every case once for each make of controller that the user asked for, next to each other.
+
+    A bench file whose first axis is one of an NC asks for `nc` by itself.
+    """
+    controllers = parse_controllers(request.controllers)
+    if not controllers:
+        if not request.bench or make_of(load_bench_file(request.bench)) != "nc":
+            return cases
+        controllers = ("nc",)
+    if request.configurations:
+        raise CannotRunError(
+            "--controllers and --configurations do not go together: configurations are machines with "
+            "technology objects"
+        )
+    if "s7" in controllers and request.bench and make_of(load_bench_file(request.bench)) == "nc":
+        raise CannotRunError(
+            f"--controllers s7: the axes of {request.bench} are those of an NC; give the bench with "
+            "technology "
+            f"objects, from which the NC axes are made"
+        )
+    return [
+        Selected(load_campaign(item.campaign).on_controller(item.case, controller), item.campaign)
+        for item in cases
+        for controller in controllers
+    ]
 
 
 def parse_configurations(text: str) -> int | None:

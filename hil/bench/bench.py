@@ -417,6 +417,11 @@ class Bench:
         return tuple(self._control.axes)
 
     @property
+    def nc_axis_names(self) -> tuple[str, ...]:
+        """Names of the axes of an NC."""
+        return tuple(self._control.nc_axes)
+
+    @property
     def external_encoder_names(self) -> tuple[str, ...]:
         """Names of the external encoders (technology objects)."""
         return tuple(self._control.external_encoders)

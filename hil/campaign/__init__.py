@@ -15,6 +15,7 @@ from __future__ import annotations
 from hil.campaign._benches import load_bench_file
 from hil.campaign._case import Campaign, Case
 from hil.campaign._context import CaseContext
+from hil.campaign._controllers import Counterpart, NotApplicable
 from hil.campaign._discover import Found, Selected, find_campaigns, load_campaign, select_cases
 from hil.campaign._execute import CaseSettings, Execution, execute_case, requirements_here
 from hil.campaign._files import write_candump, write_evidence
@@ -28,8 +29,10 @@ __all__ = [
     "Case",
     "CaseContext",
     "CaseSettings",
+    "Counterpart",
     "Execution",
     "Found",
+    "NotApplicable",
     "RunOptions",
     "Runner",
     "Selected",

@@ -6,6 +6,7 @@ import importlib
 import re
 from typing import TYPE_CHECKING
 
+from hil.bench.makes import NC_BENCH, with_nc_axes
 from hil.configurations.factors import CONFIGURATION
 from hil.errors import CannotRunError
 from hil.protocols import BenchFile
@@ -22,13 +23,16 @@ def load_bench_file(reference: str | None) -> BenchFile[Bench]:
 
     Args:
         reference: Path of a bench file, name of an embedded bench, `package.module:NAME` of an object
-            that satisfies `hil.protocols.BenchFile`, `configuration:NAME`, or empty for the embedded default.
+            that satisfies `hil.protocols.BenchFile`, `configuration:NAME`, any of these after `nc-axes:` for
+            the same bench with axes of an NC, or empty for the embedded default.
 
     Raises:
         ConfigurationError: The file does not exist or is wrong.
         CannotRunError: The Python object is not there or is no bench file.
 
     """
+    if reference and reference.startswith(NC_BENCH):
+        return with_nc_axes(load_bench_file(reference.removeprefix(NC_BENCH)), reference)
     if reference and _OBJECT.fullmatch(reference):
         module_name, _, name = reference.partition(":")
         try:

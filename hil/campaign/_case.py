@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import itertools
 import re
@@ -11,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import ConfigurationError
+from hil.campaign._controllers import CONTROLLERS, Counterpart, NotApplicable, Rule
 from hil.configurations.factors import CONFIGURATION
 from hil.configurations.needs import ANY, Needs
 
@@ -25,7 +27,9 @@ Needed = Mapping[str, str | Sequence[str]]
 SIMULATED_LIMIT_S: Final = 120.0
 WALL_LIMIT_S: Final = 300.0
 ON: Final = "@"
-"""Between the identifier of a case and the name of the configuration that it runs on."""
+"""Between the identifier of a case and the name of the configuration, or the make of the controller, that it
+runs on.
+"""
 
 
 def slug(text: str) -> str:
@@ -60,6 +64,10 @@ class Case:
 
     needs: Needs = ANY
     """What it needs of a configuration that it is to run on."""
+    controller: str = ""
+    """Make of the controller that the user asked for, one of `CONTROLLERS`; empty: that of the bench."""
+    refusal: str = ""
+    """Why it cannot run on that make; empty: it can."""
 
     def on(self, configuration: str) -> Case:
         """Return the case as it runs on a configuration.
@@ -112,6 +120,7 @@ class Campaign:
         self.signals = tuple(signals)
         self.needs = Needs.of(needs or {})
         self._cases: dict[str, Case] = {}
+        self._rules: dict[str, Rule | str] = {}
 
     @property
     def cases(self) -> tuple[Case, ...]:
@@ -119,9 +128,11 @@ class Campaign:
         return tuple(self._cases.values())
 
     def __getitem__(self, identifier: str) -> Case:
-        name, _, configuration = identifier.partition(ON)
+        name, _, where = identifier.partition(ON)
         case = self._cases[name]
-        return case.on(configuration) if configuration else case
+        if where in CONTROLLERS:
+            return self.on_controller(case, where)
+        return case.on(where) if where else case
 
     def __contains__(self, identifier: object) -> bool:
         return isinstance(identifier, str) and identifier.partition(ON)[0] in self._cases
@@ -131,6 +142,47 @@ class Campaign:
 
     def __repr__(self) -> str:
         return f"<Campaign {self.title!r}, {len(self._cases)} cases>"
+
+    def says_of(self, controller: str, rule: Rule | str) -> None:
+        """Say what the cases are on another make of controller.
+
+        Args:
+            controller: The make, one of `CONTROLLERS`.
+            rule: Tells it of a case; or `package.module:NAME`, which is imported when it is asked.
+
+        """
+        self._rules[controller] = rule
+
+    def on_controller(self, case: Case, controller: str) -> Case:
+        """Return a case as it runs on a make of controller.
+
+        Args:
+            case: One of this campaign.
+            controller: The make, one of `CONTROLLERS`.
+
+        """
+        if controller == next(iter(CONTROLLERS)):
+            return replace(case, controller=controller)
+        rule = self._rules.get(controller)
+        if isinstance(rule, str):
+            module, _, attribute = rule.partition(":")
+            rule = self._rules[controller] = getattr(importlib.import_module(module), attribute)
+        name = case.identifier.removeprefix(f"{slug(self.title)}/")
+        found = rule(name, case.parameters) if callable(rule) else None
+        there = replace(case, identifier=f"{case.identifier}{ON}{controller}", controller=controller)
+        what = CONTROLLERS[controller]
+        if isinstance(found, Counterpart):
+            return replace(
+                there,
+                function=found.function,
+                parameters=found.parameters,
+                requirements=found.requirements,
+                title=found.title or case.title,
+                without=(),
+            )
+        if isinstance(found, NotApplicable):
+            return replace(there, requirements=(), refusal=f"not applicable to {what}: {found.reason}")
+        return replace(there, requirements=(), refusal=f"no case is written for {what}")
 
     def add(self, case: Case) -> None:
         """Add a case.

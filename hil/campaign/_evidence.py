@@ -25,7 +25,8 @@ _MAX_STEPS: Final = 2000
 
 USUAL_SIGNALS: Final = frozenset(
     {
-        "position_setpoint", "velocity_setpoint", "actual_position", "actual_velocity", "following_error",
+        "position_setpoint", "velocity_setpoint", "set_position", "set_velocity",
+        "actual_position", "actual_velocity", "following_error",
         "actual_torque", "speed_output", "status_word", "alarm_number", "state", "stw1", "zsw1",
         "position", "velocity", "torque", "controlword", "statusword", "inputs", "error_code", "load",
     }
@@ -62,6 +63,10 @@ def _job_text(entry: Event) -> str:
     return f"{entry.data.get('job')}: {words.get(entry.kind, entry.kind)}{code}"
 
 
+def _code(entry: Event) -> str:
+    return f"0x{int(entry.data.get('error_id') or 0):04X}"
+
+
 _VERBS: Final = {
     "fault.armed": "armed",
     "fault.applied": "applied",
@@ -95,7 +100,14 @@ _TELLERS: Final[dict[str, tuple[str, Callable[[Event], str]]]] = {
         lambda entry: f"The cause of alarm {entry.data.get('number')} of {entry.source} is gone",
     ),
     "alarm.cleared": ("observe", lambda entry: f"Alarm {entry.data.get('number')} of {entry.source} cleared"),
+    "axis.error": ("observe", lambda entry: f"Error of {entry.source}: {entry.data.get('text')}"),
+    "axis.feed_missing": ("observe", lambda entry: f"{entry.source} is stopped: {entry.data.get('text')}"),
+    "axis.reset": ("observe", lambda entry: f"Error {_code(entry)} of {entry.source} is reset"),
     "axis.state": ("observe", _state_text),
+    "command.refused": (
+        "observe",
+        lambda entry: f"{entry.source} refuses a command: {entry.data.get('text')}",
+    ),
     "drive.state": ("observe", _state_text),
     "drive.nmt": ("observe", _state_text),
     "nmt.state": ("observe", _state_text),

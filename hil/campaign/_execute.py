@@ -157,10 +157,15 @@ def _run_once(case: Case, bench_file: BenchFile[Bench], settings: CaseSettings) 
         requirements=list(case.requirements),
         seed=settings.seed,
         token=settings.token,
+        controller=case.controller,
     )
     context: CaseContext | None = None
     trace: Trace | None = None
     late_s = 0.0
+    if case.refusal:
+        result.verdict, result.message = Verdict.BLOCKED, case.refusal
+        result.requirements = []
+        return Execution(result, None)
     try:
         with limit_wall(case.wall_limit_s), bench_file.build(seed=settings.seed) as bench:
             context = CaseContext(bench, seed=settings.seed)

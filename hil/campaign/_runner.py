@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from hil._workers import number_of_processes
+from hil.bench.makes import NC_BENCH
 from hil.campaign._case import Case
 from hil.campaign._discover import Selected
 from hil.campaign._execute import LIVE_REPETITIONS, make_token
@@ -181,7 +182,8 @@ class Runner:
         return self._run
 
     def _bench_for(self, selected: Selected) -> str:
-        return self._options.bench or selected.case.bench
+        bench = self._options.bench or selected.case.bench
+        return f"{NC_BENCH}{bench}" if selected.case.controller == "nc" else bench
 
     def _order(self, selected: Selected) -> Order:
         options = self._options

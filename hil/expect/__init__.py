@@ -8,6 +8,7 @@ numbers of the reference axis, `checkers` the rules that hold in every run.
 from __future__ import annotations
 
 from hil.expect._base import Expectation, Reference, describe, evaluate
+from hil.expect._errors import axis_error, command_refused, no_axis_error
 from hil.expect._events import (
     JOB_OUTPUTS,
     alarm,
@@ -60,6 +61,8 @@ __all__ = [
     "StopRamp",
     "alarm",
     "always",
+    "axis_error",
+    "command_refused",
     "describe",
     "disabled",
     "drive_ramp",
@@ -73,6 +76,7 @@ __all__ = [
     "never",
     "never_happens",
     "no_alarm",
+    "no_axis_error",
     "no_motion_after",
     "ramp",
     "run_checkers",

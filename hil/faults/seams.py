@@ -962,6 +962,29 @@ class BenchWithController(Protocol):
         """The controller."""
 
 
+class ProgramOfNc(Protocol):
+    """An NC whose PLC can be stopped."""
+
+    plc_running: bool
+    """Whether the PLC calls its program."""
+
+
+class BenchWithNcAxes(Protocol):
+    """A bench that tells its axes of an NC."""
+
+    @property
+    def nc_axis_names(self) -> tuple[str, ...]:
+        """Names of the axes."""
+
+
+class BenchWithNc(Protocol):
+    """A bench that is the NC of axes."""
+
+    @property
+    def nc(self) -> ProgramOfNc:
+        """The NC."""
+
+
 class BenchWithPorts(Protocol):
     """A bench that shows the ports of its axes."""
 

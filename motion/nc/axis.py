@@ -706,7 +706,7 @@ class NcAxis:
             self._invalid = 0
             self._seen_valid = True
             self.drive_error = device.fault
-            if device.encoder_fault:
+            if device.encoder_fault and not self._reset:
                 self.raise_error(ENCODER_FAULT)
             elif device.fault and not (self._tolerance.value and device.operating):
                 if self._enabled and not self._reset:

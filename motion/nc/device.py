@@ -169,6 +169,8 @@ class PortDevice(_Values):
         self.port = port
         self.interface = interface
         self._rpm_per_unit = rpm_per_unit
+        self._on = False
+        """The drive is ready for OFF1 to be withdrawn."""
         self._torque_per_nm = torque_per_nm
         self._fast_stop_input = fast_stop_input
         self._direct = 0x3 if direct_inputs else 0
@@ -191,9 +193,14 @@ class PortDevice(_Values):
             self.valid = False
         self.encoder_valid = self.valid
         self.life_lost = port.sign_lost
+        if not self.valid:
+            # The last valid values count (NC-427).
+            self.ready = False
+            return
+        self._on = word & 0x0001 != 0
         self.fault = word & 0x0008 != 0
         self.operating = word & 0x0004 != 0
-        self.ready = self.valid and not self.fault
+        self.ready = not self.fault
         self.encoder_fault = port.sensor_fault
         self.torque = port.actual_torque_nm * self._torque_per_nm
         inputs = port.inputs
@@ -203,16 +210,16 @@ class PortDevice(_Values):
         self.digital_inputs = inputs
         if self._fast_stop_input:
             self.fast_stop = port.inputs & self._fast_stop_input != 0
-        if self.valid:
-            self.raw = port.encoder_increments
-            self.lag = port.following_error
-            self.restarts = port.encoder_restarts
+        self.raw = port.encoder_increments
+        self.lag = port.following_error
+        self.restarts = port.encoder_restarts
 
     def write(self, outputs: DriveOutputs) -> None:
         """Send control word and setpoint."""
         port = self.port
-        # A drive that inhibits switching on wants to see OFF1 withdrawn first.
-        word: int = STW1_OPERATE if outputs.enable and port.zsw1 & 0x0001 else STW1_IDLE
+        # A drive that inhibits switching on, or went off by itself, wants to see OFF1 withdrawn first.
+        off = not self._on or (outputs.reset and not self.operating)
+        word: int = STW1_OPERATE if outputs.enable and not off else STW1_IDLE
         if outputs.reset:
             word |= STW1.ACKNOWLEDGE
         interface = self.interface

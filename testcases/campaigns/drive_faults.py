@@ -25,6 +25,7 @@ from testcases.campaigns.support import (
 )
 
 CAMPAIGN: Final = Campaign("drive faults", tags=("fault", "drive"), bench="reference")
+CAMPAIGN.says_of("nc", "testcases.campaigns._nc_faults:DRIVE_FAULTS")
 
 PHASES: Final = ("constant", "standstill")
 

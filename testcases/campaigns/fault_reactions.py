@@ -16,6 +16,7 @@ from testcases.campaigns import (
 )
 
 CAMPAIGN: Final = Campaign("fault reactions", tags=("fault",), bench="reference")
+CAMPAIGN.says_of("nc", "testcases.campaigns._nc_faults:FAULT_REACTIONS")
 
 for _part in (
     _reactions_drive,

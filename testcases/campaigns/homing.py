@@ -10,6 +10,7 @@ from hil.campaign import Campaign
 from testcases.campaigns import _homing_faults, _homing_marks, _homing_passive
 
 CAMPAIGN: Final = Campaign("homing", tags=("homing",), bench="profidrive")
+CAMPAIGN.says_of("nc", "testcases.campaigns._nc_homing:HOMING_CASES")
 
 for _part in (_homing_marks, _homing_faults, _homing_passive):
     for _case in _part.CASES.cases:

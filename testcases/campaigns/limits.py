@@ -10,6 +10,7 @@ from hil.campaign import Campaign
 from testcases.campaigns import _limits_hardware, _limits_software, _limits_wiring
 
 CAMPAIGN: Final = Campaign("limits", tags=("limits",), bench="reference")
+CAMPAIGN.says_of("nc", "testcases.campaigns._nc_limits:LIMITS")
 
 for _part in (_limits_hardware, _limits_wiring, _limits_software):
     for _case in _part.CASES.cases:

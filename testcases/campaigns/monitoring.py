@@ -15,6 +15,7 @@ from testcases.campaigns import (
 )
 
 CAMPAIGN: Final = Campaign("monitoring", tags=("monitoring",), bench="reference")
+CAMPAIGN.says_of("nc", "testcases.campaigns._nc_monitoring:MONITORING")
 
 for _part in (_monitoring_positioning, _monitoring_following, _monitoring_faults, _monitoring_standstill):
     for _case in _part.CASES.cases:

@@ -36,6 +36,7 @@ from testcases.campaigns.support import (
 )
 
 CAMPAIGN: Final = Campaign("stop modes", tags=("stop",), bench="reference")
+CAMPAIGN.says_of("nc", "testcases.campaigns._nc_stops:STOP_MODES")
 
 ALARM_OF_REACTION: Final = {1: 533, 2: 104, 3: 304, 4: 521}
 

@@ -12,6 +12,7 @@ from hil.campaign import Campaign
 from testcases.campaigns import _telegram_actual, _telegram_setpoint
 
 CAMPAIGN: Final = Campaign("telegram faults", tags=("fault", "telegram"), bench="profidrive")
+CAMPAIGN.says_of("nc", "testcases.campaigns._nc_faults:TELEGRAM_FAULTS")
 
 for _part in (_telegram_actual, _telegram_setpoint):
     for _case in _part.CASES.cases:

@@ -12,7 +12,14 @@ from fieldbus.errors import ConfigurationError
 from hil.faults._kind import Action, Family, FaultType, Injection
 from hil.faults._overrides import shared
 from hil.faults._parameters import Parameter
-from hil.faults.seams import BenchWithController, ProgrammedController, offers
+from hil.faults.seams import (
+    BenchWithController,
+    BenchWithNc,
+    BenchWithNcAxes,
+    ProgrammedController,
+    ProgramOfNc,
+    offers,
+)
 
 _NAME: Final = "controller"
 
@@ -92,16 +99,36 @@ class HeldController:
             self.controller.levels.set_computing_time(interpolator_ns=self.times[level][-1])
 
 
+@dataclass
+class HeldPlc:
+    """The faults that stop the PLC of an NC: it runs when the last one ends."""
+
+    nc: ProgramOfNc
+    stops: int = 0
+
+    def stop(self) -> None:
+        """Stop the PLC."""
+        self.stops += 1
+        self.nc.plc_running = False
+
+    def resume(self) -> None:
+        """End one of the stops."""
+        self.stops -= 1
+        self.nc.plc_running = not self.stops
+
+
 @dataclass(frozen=True)
 class AtController:
     """The effect of a kind on the controller of the bench.
 
     Args:
         make: Returns the action, given what the faults of this controller hold.
+        stops_plc: On axes of an NC it stops their PLC; otherwise an NC does not have it.
 
     """
 
     make: Callable[[Injection, HeldController], Action]
+    stops_plc: bool = False
     needs: None = None
 
     def __call__(self, injection: Injection) -> Action:
@@ -111,11 +138,22 @@ class AtController:
             raise ConfigurationError(
                 f"{injection.kind.name}: target", injection.target, f"{_NAME}, or nothing"
             )
+        if offers(bench, BenchWithNcAxes) and bench.nc_axis_names and offers(bench, BenchWithNc):
+            return self._at_nc(injection, bench)
         if not offers(bench, BenchWithController) or not bench.axis_names:
             injection.refuse("the controller of this bench is outside of it")
         controller = bench.controller
         injection.check_environment(controller)
         return self.make(injection, shared(injection.bench, _NAME, lambda: HeldController(controller)))
+
+    def _at_nc(self, injection: Injection, bench: BenchWithNc) -> Action:
+        if not self.stops_plc:
+            injection.refuse("the controller of this bench is an NC, of which only the PLC can be stopped")
+        if offers(bench, BenchWithController) and bench.axis_names:
+            injection.refuse("this bench has two controllers, technology objects and an NC")
+        nc = bench.nc
+        held = shared(injection.bench, _NAME, lambda: HeldPlc(nc))
+        return Action(_NAME, held.stop, held.resume)
 
 
 def _stop(_injection: Injection, held: HeldController) -> Action:
@@ -153,7 +191,7 @@ FAMILY: Final = Family(
         _kind(
             "controller.stop",
             "The controller goes to STOP, and to RUN at the end: a warm restart",
-            AtController(_stop),
+            AtController(_stop, stops_plc=True),
             seam="operating state",
             remark="afterwards nothing is enabled; the instances of the program start from the beginning",
             example={"duration_s": 1.0},
@@ -162,7 +200,9 @@ FAMILY: Final = Family(
             4, its jobs end with `CommandAborted`, the drive stops as `Actor.RemoveEnableReaction` says,
             and then gets zeros; the outputs of I/O stations are off at once. The end of the fault is a
             warm restart: STARTUP, RUN, nothing enabled, all instances as at the beginning. A PROFIdrive
-            axis has missed the sign of life meanwhile and shows F01912, which `MC_Reset` acknowledges.
+            axis has missed the sign of life meanwhile and shows F01912, which `MC_Reset` acknowledges. On
+            a bench with axes of an NC it is the PLC that stops, while the NC runs on: what it has written
+            last counts until the watchdog of the interface takes all enables away.
             The target is `controller`, or none.
             """,
         ),

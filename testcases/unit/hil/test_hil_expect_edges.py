@@ -17,6 +17,8 @@ from hil.expect import (
     Expectation,
     alarm,
     always,
+    axis_error,
+    command_refused,
     describe,
     disabled,
     event,
@@ -26,6 +28,7 @@ from hil.expect import (
     never,
     never_happens,
     no_alarm,
+    no_axis_error,
     no_motion_after,
     ramp,
     settles_within,
@@ -61,6 +64,8 @@ EVENTS = (
     at(0.208, "axis1", "job.error", job="move", instruction="MC_MoveVelocity", error_id=0x8001),
     at(0.208, "axis1", "axis.state", **{"from": "MOTION", "to": "ALARM_DISABLED"}),
     at(0.6, "axis1", "alarm.raised", number=421, reaction=3, text="Drive fault"),
+    at(0.61, "nc1", "axis.error", error_id=0x4550, text="0x4550 (Position lag)"),
+    at(0.62, "nc1", "command.refused", error_id=0x4550, text="0x4550 (Position lag)"),
 )
 HIT = event("fault.applied")
 
@@ -138,6 +143,15 @@ EDGES = {
     # word: what just passes, what just fails; the trace is that of `make`
     "alarm": (alarm(421, reaction=4, within_s=0.008, since=HIT), alarm(421, within_s=0.007999, since=HIT)),
     "no_alarm": (no_alarm(until=0.207999), no_alarm(until=0.208)),
+    "axis_error": (
+        axis_error(0x4550, axis="nc1", since=0.6, within_s=0.01),
+        axis_error(0x4550, axis="nc1", since=0.6, within_s=0.009),
+    ),
+    "command_refused": (
+        command_refused(0x4550, axis="nc1", since=0.6, within_s=0.02),
+        command_refused(0x4550, axis="nc1", since=0.6, within_s=0.019),
+    ),
+    "no_axis_error": (no_axis_error(until=0.609999), no_axis_error(until=0.61)),
     "happens": (
         happens(event("alarm.raised", nth=2), since=HIT, within_s=0.4),
         happens(event("alarm.raised", nth=3)),
@@ -238,11 +252,13 @@ def test_what_a_failure_tells(trace, word):
     for name in expectation.signals_on(trace):
         assert name in trace or name == "drive1.state"
     of_events = {"alarm", "no_alarm", "happens", "never_happens", "event_order", "state_at", "job_output"}
+    of_events |= {"axis_error", "command_refused", "no_axis_error"}
     assert bool(expectation.signals_on(trace)) is (word not in of_events)
 
 
 THROUGHOUT = {
     "no_alarm": no_alarm(since=0.7, until=1.5),
+    "no_axis_error": no_axis_error(since=0.7, until=1.5),
     "never_happens": never_happens(event("alarm.raised"), since=0.7, until=1.5),
     "stays_within": stays_within("axis1.actual_velocity", low=0.0, until=1.5),
     "always": always("not negative", lambda v: v >= 0, "axis1.actual_velocity", until=1.5),
@@ -267,7 +283,9 @@ def test_what_was_not_recorded_to_its_end_does_not_pass(trace, word):
     checks = THROUGHOUT[word].evaluate(trace)
     assert all(check.verdict is Verdict.FAILED for check in checks), checks
     assert all("recording" in check.observed for check in checks)
-    log = Vocabulary(("axis1", "drive1"), kinds=("drive.state", "alarm.", "fault."), origin="a log")
+    log = Vocabulary(
+        ("axis1", "drive1"), kinds=("drive.state", "alarm.", "axis.error", "fault."), origin="a log"
+    )
     assert verdict(THROUGHOUT[word], make(log)) is Verdict.BLOCKED
 
 
@@ -277,6 +295,7 @@ EMPTY = [
     never("negative", lambda v: v < 0, "axis1.actual_velocity", since=0.5, until=0.4),
     never("negative", lambda v: v < 0, "axis1.actual_velocity", since=0.5001, until=0.5002),
     no_alarm(since=0.5, until=0.4),
+    no_axis_error(since=0.5, until=0.4),
     never_happens(event("alarm.raised"), since=0.5, until=0.4),
     standstill(by=0.9, until=0.8),
     no_motion_after(0.9, until=0.8),

@@ -5,6 +5,7 @@ import pytest
 from fieldbus.errors import ConfigurationError
 from hil.bench import Bench
 from hil.bench.bench_file import parse
+from hil.faults import Injector
 
 pytestmark = pytest.mark.exhaustive
 
@@ -62,6 +63,24 @@ def test_a_move(profile):
         bench.wait_until(lambda: x.operational, 1.0)
         move = x.move_absolute(50.0, Velocity=100.0)
         bench.wait_until(move.done, 3.0)
+
+
+@pytest.mark.requirement("NC-427")
+@pytest.mark.parametrize("profile", _PROFILES)
+def test_data_invalid_for_some_cycles(profile):
+    """Invalid data are borne for three cycles behind the grace of the port: the drive stays enabled and the
+    motion goes on; one cycle more is an error.
+    """
+    for cycles, error_id in ((5, 0), (6, 0x4655)):
+        with _bench(profile) as bench:
+            x = bench.axis("x")
+            bench.wait_until(x.power().status, 1.0)
+            bench.wait_until(x.move_velocity(50.0).in_velocity, 2.0)
+            Injector(bench).inject("frame.drop", "can0", message="tpdo1", count=cycles)
+            bench.run_for(0.1)
+            assert x.error_id == error_id
+            speeds = bench.trace()["motor.velocity"].values[-40:]
+            assert (min(speeds) > 0.045) == (error_id == 0)
 
 
 def test_both_controllers():

@@ -318,3 +318,22 @@ def test_wrong_polarity():
         assert abs(rig.axis.following_error) > 5.0
         assert 0.0 < fastest <= 220.0 + 1e-6
         assert rig.device.velocity == 0.0
+
+
+def test_an_encoder_fault_of_the_drive_is_reset():
+    """MC_Reset ends an encoder error whose cause the drive gives up only when it is acknowledged."""
+    rig = Rig().enabled()
+    write = rig.device.write
+
+    def acknowledged(outputs):
+        if outputs.reset:
+            rig.device.encoder_fault = False
+        write(outputs)
+
+    rig.device.write = acknowledged
+    rig.device.fault = rig.device.encoder_fault = True
+    rig.cycles(3)
+    assert rig.handle.error_id == 0x4464
+    rig.until(rig.handle.reset().done, 1.0)
+    rig.until(lambda: rig.axis.operational, 1.0)
+    assert rig.handle.error_id == 0

@@ -1,0 +1,93 @@
+"""The same bench with axes of another make: what is configured of a technology object, as parameters of an NC
+axis.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from typing import TYPE_CHECKING, Any, Final
+
+import tomli_w
+
+from hil.bench import BenchFile
+from hil.errors import CannotRunError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from hil.bench.bench import Bench
+    from hil.protocols import BenchFile as AnyBenchFile
+
+NC_BENCH: Final = "nc-axes:"
+"""What the reference of a bench begins with whose axes are to be those of an NC."""
+
+SAME: Final[Mapping[str, tuple[str, ...]]] = {
+    "DynamicLimits.MaxVelocity": ("axis.maximum_velocity",),
+    "DynamicLimits.MaxAcceleration": ("axis.maximum_acceleration",),
+    "DynamicLimits.MaxDeceleration": ("axis.maximum_deceleration", "axis.fast_deceleration"),
+    "DynamicLimits.MaxJerk": ("axis.fast_jerk",),
+    "DynamicDefaults.Acceleration": ("axis.default_acceleration",),
+    "DynamicDefaults.Deceleration": ("axis.default_deceleration",),
+    "DynamicDefaults.Jerk": ("axis.default_jerk",),
+    "PositionControl.Kv": ("ctrl.pos_kv",),
+    "PositioningMonitoring.Window": ("axis.target_position_window",),
+    "PositioningMonitoring.MinDwellTime": ("axis.target_position_monitoring_time",),
+    "PositioningMonitoring.ToleranceTime": ("axis.in_target_timeout",),
+    "FollowingError.MaxValue": ("axis.position_lag_max",),
+    "FollowingError.EnableMonitoring": ("axis.position_lag_monitoring",),
+    "PositionLimits_SW.Active": ("axis.soft_limit_min_enable", "axis.soft_limit_max_enable"),
+    "PositionLimits_SW.MinPosition": ("axis.soft_limit_min",),
+    "PositionLimits_SW.MaxPosition": ("axis.soft_limit_max",),
+}
+"""Variable of a technology object -> parameters of an NC axis that mean the same."""
+ALWAYS: Final[Mapping[str, Any]] = {"axis.in_target_alarm": True}
+"""Parameters that stand for what a technology object always does: it watches that its target is reached."""
+
+
+def with_nc_axes(file: AnyBenchFile[Bench], reference: str) -> BenchFile:
+    """Return a bench with the same buses, drives and machines, and axes of an NC.
+
+    Args:
+        file: The bench.
+        reference: What the user calls the result, for messages.
+
+    Raises:
+        CannotRunError: It has an axis without a counterpart, or was not read from a file.
+        BenchFileError: An NC axis cannot have what is configured.
+
+    """
+    if not isinstance(file, BenchFile):
+        raise CannotRunError(f"bench {reference!r}: only a bench file can be had with axes of an NC")
+    content = tomllib.loads(file.text)
+    for kind in ("external_encoder", "cam"):
+        if content.get(kind):
+            raise CannotRunError(
+                f"bench {file.name!r}: [{kind}.NAME] belongs to technology objects; an NC has none"
+            )
+    axes: dict[str, Any] = content.get("axis", {})
+    content["axis"] = {name: _nc_axis(f"{file.name}: axis.{name}", table) for name, table in axes.items()}
+    return BenchFile(file.source, tomli_w.dumps(content))
+
+
+def make_of(file: AnyBenchFile[Bench]) -> str:
+    """Return the make of the controller of the first axis of a bench, as the bench file calls it; empty
+    where it has none.
+    """
+    if not isinstance(file, BenchFile):
+        return ""
+    return next((axis.controller for axis in file.config.axis.values()), "")
+
+
+def _nc_axis(where: str, table: dict[str, Any]) -> dict[str, Any]:
+    if table.get("controller") == "nc":
+        return table
+    if table.get("type", "positioning") != "positioning":
+        raise CannotRunError(
+            f"{where}: only a positioning axis can be had as an axis of an NC, not {table['type']!r}"
+        )
+    variables: dict[str, Any] = table.get("variables", {})
+    parameters = {key: variables[path] for path, keys in SAME.items() if path in variables for key in keys}
+    result = {"controller": "nc", "drive": table["drive"], "parameters": {**ALWAYS, **parameters}}
+    if "Mechanics.LeadScrew" in variables:
+        result["feed"] = variables["Mechanics.LeadScrew"]
+    return result
