@@ -13,7 +13,7 @@ from testcases.fuzz.frames import LONGEST, encode, frames
 from testcases.fuzz.targets import targets
 
 INPUTS = {
-    "medium": 120,
+    "medium": 30,
     "sdo": 4_000,
     "slave": 600,
     "master": 300,

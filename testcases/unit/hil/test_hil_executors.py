@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
 
 import pytest
 
@@ -15,10 +14,11 @@ from hil._workers import Answer, CopyStarter, Pool, start_interpreter
 from hil.campaign import Runner, RunOptions, _limits, find_campaigns, select_cases
 from hil.campaign import _runner as runner_module
 from hil.campaign._executor import InProcess, LocalProcesses
-from hil.errors import CannotRunError, HilError
+from hil.errors import CannotRunError
 from reports import run_digest
 from reports.model import Verdict
 from reports.store import load_run
+from testcases.unit.hil import toytasks
 
 pytestmark = pytest.mark.exhaustive
 
@@ -200,43 +200,15 @@ def test_a_cluster_that_is_not_there_is_reported(monkeypatch):
 # -- the pool
 
 
-@dataclass(frozen=True)
-class Sleeper:
-    """A task with several answers, which may hang, die, or fail before the last."""
-
-    answers: tuple[str, ...]
-
-    def run(self, send):
-        for answer in self.answers:
-            if answer == "hang":
-                signal.pause()
-            elif answer == "die":
-                os._exit(7)
-            elif answer == "fail":
-                raise HilError("it cannot be done")
-            send(answer)
-
-    def patience(self, answers):
-        return 60.0 if answers < self.answers.index("hang") else 0.2
-
-
-@dataclass(frozen=True)
-class Patient(Sleeper):
-    """A task that has all the time."""
-
-    def patience(self, answers):
-        return 60.0
-
-
-@pytest.mark.parametrize("start", [start_interpreter, CopyStarter([__name__])], ids=["new", "copy"])
+@pytest.mark.parametrize("start", [start_interpreter, CopyStarter([toytasks.__name__])], ids=["new", "copy"])
 def test_a_task_gives_answers_and_one_end(start):
     """Answers come one by one; the end says done, failed, died or hung; one task does not disturb another."""
     tasks = [
-        Patient(("a", "b")),
-        Sleeper(("a", "hang")),
-        Patient(("a", "die")),
-        Patient(("fail",)),
-        Patient(("b",)),
+        toytasks.Patient(("a", "b")),
+        toytasks.Sleeper(("a", "hang")),
+        toytasks.Patient(("a", "die")),
+        toytasks.Patient(("fail",)),
+        toytasks.Patient(("b",)),
     ]
     seen = {task: [] for task in tasks}
     with Pool(2, start) as pool:
@@ -255,17 +227,6 @@ def test_a_task_gives_answers_and_one_end(start):
 def test_processes_are_used_again_or_not():
     """A pool gives a process further tasks, unless each needs a fresh one."""
     for reuse, number in ((True, 1), (False, 3)):
-        with Pool(1, CopyStarter([__name__]), reuse=reuse) as pool:
-            events = list(pool.run([Number()] * 3))
+        with Pool(1, CopyStarter([toytasks.__name__]), reuse=reuse) as pool:
+            events = list(pool.run([toytasks.Number()] * 3))
         assert len({event.value for event in events if isinstance(event, Answer)}) == number
-
-
-@dataclass(frozen=True)
-class Number:
-    """A task that answers with the number of its process."""
-
-    def run(self, send):
-        send(os.getpid())
-
-    def patience(self, answers):
-        return 60.0
