@@ -168,11 +168,11 @@ class ServoAxis:
 
     def leading_setpoint(self) -> tuple[float, float, float]:
         """Return what followers of the setpoint get: it follows the actual value where the axis does not
-        form it (SYN-294).
+        form it (SYN-294), and has no position without position control (SYN-026).
         """
         total = self.total
         if self.controlled:
-            return total.s, total.v, total.a
+            return (total.s if self.position_controlled else 0.0), total.v, total.a
         return total.s, self.actual_velocity, 0.0
 
     def power_down(self) -> None:

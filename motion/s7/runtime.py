@@ -120,6 +120,8 @@ class Runtime:
 
         for axis in self.axes:
             take(axis, ())
+            for leading in axis.leading_objects:
+                leading.lead()
         self.axes[:] = [axis for axis in ordered if axis in self.axes]
 
     def add_cam(self, cam: Cam) -> None:

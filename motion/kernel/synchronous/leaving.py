@@ -40,6 +40,12 @@ class _StopPlace:
             return velocity != 0.0
         return velocity > 0.0 if self._direction == 1 else velocity < 0.0
 
+    def forbids(self, way: float) -> bool:
+        """Return whether a way of one cycle leads in the other direction (SYN-438)."""
+        if self._direction == _EITHER:
+            return False
+        return way < -_PLACE if self._direction == 1 else way > _PLACE
+
     def at(self, s: float) -> bool:
         """Return whether the axis is there."""
         return abs(self._modulo.shortest(self._position - s)) <= _PLACE
@@ -86,6 +92,7 @@ class DistanceLeaving:
         self._fraction = 0.0
         self._first = (0.0, 0.0, 0.0)
         self._stepped = False
+        self._under_way = False
         self.synchronous = False
         self.reversed = False
         self.ended = False
@@ -174,7 +181,11 @@ class DistanceLeaving:
             return
         y, slope, curvature = way.evaluate(leading.position)
         velocity = leading.velocity
-        self.s = y + self._shift
+        before, self.s = self.s, y + self._shift
+        if self._under_way and self._stop.forbids(self.s - before):
+            self.reversed = True
+            return
+        self._under_way = True
         self.v = slope * velocity
         self.a = curvature * velocity * velocity + slope * leading.acceleration
         self.slope, self.curvature = slope, curvature
@@ -274,6 +285,10 @@ class TimeLeaving:
         else:
             self.leading.step()
         generator = self._generator
+        before = generator.s
         generator.advance(cycle_s)
+        if self._stop.forbids(generator.s - before):
+            self.reversed = True
+            return
         self.s, self.v, self.a = generator.s, generator.v, generator.a
         self.ended = generator.done

@@ -312,6 +312,7 @@ class TechnologyAxis(TechnologyObject):
         """Way back of a leading value that is none while the axis synchronises or leaves it, position unit of
         the leading object (SYN-074).
         """
+        self._interconnected = False
         self.couplings: dict[str, str] = {}
         """Types of coupling by the name of the leading object, where it is not the usual one (SYN-020)."""
         self.apply_configuration()
@@ -486,9 +487,7 @@ class TechnologyAxis(TechnologyObject):
             servo.feedback = NO_FEEDBACK
             return
         servo.modulo = modulo = modulo_of(store)
-        # Followers need two servo cycles per modulo range (STP-113).
-        leads = modulo.enabled and self._gives_leading_value()
-        self._dynamics.leading = modulo.length / (2.0 * servo.cycle_s) if leads else inf
+        self._limit_leading()
         self._make_sensors(mechanics, simulated_port, restart=restart, powered_off=powered_off)
         servo.in_drive = store.read_bool("PositionControl.EnableDSC") and not servo.simulated
         servo.controller = position_control_of(
@@ -618,8 +617,24 @@ class TechnologyAxis(TechnologyObject):
     def gives_value(self) -> bool:
         return self.states.state is not AxisState.RESTARTING and self.servo.sensor_valid
 
+    @override
+    def lead(self) -> None:
+        """Take note that a following axis is interconnected with this one."""
+        self._interconnected = True
+        self._limit_leading()
+
+    def _limit_leading(self) -> None:
+        """Limit the velocity where the axis may lead others: followers need two servo cycles per modulo range
+        (STP-113, SYN-023).
+        """
+        modulo = self.servo.modulo
+        leads = modulo.enabled and (self._interconnected or self._gives_leading_value())
+        self._dynamics.leading = modulo.length / (2.0 * self.servo.cycle_s) if leads else inf
+
     def _gives_leading_value(self) -> bool:
-        """Return whether the axis may lead others: it is configured to provide its leading value."""
+        """Return whether the axis may lead axes of other controllers: it is configured to provide its leading
+        value.
+        """
         read = self.variables.read
         output = "CrossPlcSynchronousOperation.Interface[{}].EnableLeadingValueOutput"
         return any(read(output.format(number)) for number in range(1, 33))

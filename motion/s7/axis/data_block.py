@@ -133,6 +133,10 @@ def _position(shown: Shown) -> Live:
     def target() -> float:
         return motion.destination or 0.0
 
+    def without_position() -> bool:
+        """Return whether setpoints are velocities alone (SYN-172)."""
+        return servo.controlled and not servo.position_controlled
+
     def filtered() -> float:
         dynamic_filter = servo.controller.filter
         return servo.modulo.wrap(servo.total.s if dynamic_filter is None else dynamic_filter.position)
@@ -143,8 +147,8 @@ def _position(shown: Shown) -> Live:
 
     return live_leading_value(shown.leading_value, lambda: servo.modulo) | {
         "StatusPositioning.SetpointExecutionTime": shown.execution_s,
-        "Position": lambda: servo.modulo.wrap(servo.total.s),
-        "ModuloCycle": lambda: servo.modulo.cycle(servo.total.s),
+        "Position": lambda: 0.0 if without_position() else servo.modulo.wrap(servo.total.s),
+        "ModuloCycle": lambda: 0 if without_position() else servo.modulo.cycle(servo.total.s),
         "ActualPosition": lambda: servo.feedback.place(servo.modulo)[1],
         "ActualModuloCycle": lambda: servo.feedback.place(servo.modulo)[0],
         "ActualVelocity": lambda: servo.feedback.velocity,

@@ -250,6 +250,9 @@ class TechnologyObject(ABC):
         """Modulo range of its positions."""
         return NO_MODULO
 
+    def lead(self) -> None:  # noqa: B027 - nothing by default
+        """Take note that a following axis is interconnected with this object."""
+
     @property
     def stands(self) -> bool:
         """Whether it has no motion (`StatusWord.X7`)."""

@@ -31,7 +31,7 @@ from motion.s7.instructions.base import DEFAULT, ExecuteInstruction
 from motion.s7.instructions.dynamics import POSITION_LIMIT, is_number, is_whole, resolve
 from motion.s7.instructions.gear import (
     CAMMING,
-    LEADING_TYPES,
+    can_lead,
     leader_facts,
     leading_motion,
     not_homed,
@@ -115,7 +115,7 @@ class MC_CamIn(ExecuteInstruction):
 
     def _start(self) -> Job | int:
         axis, leader, cam = self.axis, self.Master, self.Cam
-        if not isinstance(leader, TechnologyObject) or LEADING_TYPES.isdisjoint(leader.kinds):
+        if not can_lead(leader, self.level):
             return ERROR_REFERENCE
         if not isinstance(cam, Cam):
             return ERROR_REFERENCE  # CAM-252

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeGuard
 
 from motion.kernel.synchronous import Entry, FunctionCoupling, GearCoupling, LeadingMotion, Line
 from motion.s7.axis.jobs import (
@@ -32,6 +32,7 @@ from motion.s7.instructions.dynamics import POSITION_LIMIT, is_number, is_whole,
 if TYPE_CHECKING:
     from fieldbus.history import Scalar
     from motion.s7.axis.axis import TechnologyAxis
+    from motion.s7.compatibility import CompatibilityLevel
 
 ALARM_NOT_CONTROLLED: Final = 603
 """The leading axis is not position-controlled (SYN-025)."""
@@ -50,6 +51,13 @@ VELOCITY_GEARING: Final = 6
 """`StatusSynchronizedMotion.FunctionState` (SYN-034)."""
 
 _DYNAMICS: Final = {"Acceleration": DEFAULT, "Deceleration": DEFAULT, "Jerk": DEFAULT}
+
+
+def can_lead(leader: object, level: CompatibilityLevel) -> TypeGuard[TechnologyObject]:
+    """Return whether a controller takes an object as `Master` (SYN-016, SYN-135)."""
+    if not isinstance(leader, TechnologyObject) or LEADING_TYPES.isdisjoint(leader.kinds):
+        return False
+    return level.technology or "PositioningAxis" in leader.kinds
 
 
 def leading_motion(axis: TechnologyAxis, leader: TechnologyObject) -> LeadingMotion:
@@ -131,7 +139,7 @@ class _Gearing(ExecuteInstruction):
     def _prepare(self, job_class: JobClass, *, by_velocity: bool) -> Job | int:
         """Return the job with its coupling, not yet handed over; or the ErrorID of what is not permitted."""
         leader = self.Master
-        if not isinstance(leader, TechnologyObject) or LEADING_TYPES.isdisjoint(leader.kinds):
+        if not can_lead(leader, self.level):
             return ERROR_REFERENCE
         job = Job(job_class, instruction=self.instruction, name=self.name)
         error = (
@@ -235,7 +243,7 @@ class MC_GearInPos(_Gearing):
 
     def _start(self) -> Job | int:
         axis, leader = self.axis, self.Master
-        if not isinstance(leader, TechnologyObject) or LEADING_TYPES.isdisjoint(leader.kinds):
+        if not can_lead(leader, self.level):
             return ERROR_REFERENCE
         error = self._wrong_ratio() or self._wrong_positions()
         if error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from motion.kernel.mechanics import INCREMENTAL
+from motion.s7.axis.external_encoder import ExternalEncoder
 from motion.s7.axis.homing import ActiveHoming, PassiveHoming, abort_passive
 from motion.s7.axis.jobs import (
     ERROR_ABSOLUTE,
@@ -31,7 +32,6 @@ from motion.s7.instructions.dynamics import POSITION_LIMIT, is_dynamic, is_numbe
 
 if TYPE_CHECKING:
     from motion.s7.axis.axis import PositioningAxis
-    from motion.s7.axis.external_encoder import ExternalEncoder
 
 _ACTIVE: Final = frozenset((3, 5))
 _PASSIVE: Final = frozenset((2, 8, 10))
@@ -83,6 +83,8 @@ class MC_Home(ExecuteInstruction):
             return ERROR_MODE
         if not is_number(self.Position, POSITION_LIMIT):
             return ERROR_POSITION
+        if self._refuses():
+            return ERROR_NOT_CONTROLLED
         if mode in _DIRECT:
             return self._home_directly()
         if not axis.sensor_valid:
@@ -92,6 +94,14 @@ class MC_Home(ExecuteInstruction):
 
     # -- without motion
     # -----------------------------------------------------------------------------------------
+
+    def _refuses(self) -> bool:
+        """Return whether the axis follows a velocity without position control (SYN-422)."""
+        axis = self.axis
+        if isinstance(axis, ExternalEncoder):
+            return False
+        follows = axis.motion.moving_job is JobClass.GEAR_IN_VELOCITY
+        return follows and not axis.servo.position_controlled
 
     def _home_directly(self) -> Job | int:
         axis = self.axis

@@ -49,7 +49,7 @@ def word(axis):
     return axis.var("StatusWord") & (SYNCHRONIZING | SYNCHRONOUS)
 
 
-@pytest.mark.requirement("SYN-126", "SYN-142", "SYN-414")
+@pytest.mark.requirement("SYN-088", "SYN-140", "SYN-126", "SYN-142", "SYN-414")
 def test_synchronising_takes_the_time_of_the_dynamics_and_keeps_the_offset():
     """From rest to 200 mm/s with 1000 mm/s2: 50 cycles in which the leading axis goes 20 mm and the follower
     20 mm; the offset that this makes stays.
@@ -218,7 +218,7 @@ def test_status_variables():
     assert (read(prefix + "FunctionState"), read(prefix + "ActualMaster"), word(rig.axis)) == (0, 0, 0)
 
 
-@pytest.mark.requirement("SYN-137", "SYN-138")
+@pytest.mark.requirement("SYN-321", "SYN-137", "SYN-138")
 @pytest.mark.parametrize(
     ("inputs", "error"),
     [
@@ -362,7 +362,7 @@ def test_disabling_the_follower_ends_the_gear(synchronous):
     assert rig.leader.var("Velocity") == pytest.approx(100.0)
 
 
-@pytest.mark.requirement("SYN-018", "SYN-015")
+@pytest.mark.requirement("SYN-322", "SYN-018", "SYN-015")
 def test_chains_and_circles():
     """A chain of three moves within one cycle, whatever the order in which the axes were made; an axis at its
     end cannot lead the first one (16#8019), nor an axis itself.

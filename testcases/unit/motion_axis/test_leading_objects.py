@@ -74,7 +74,7 @@ def effective(rig, quantity="Position"):
     return rig.axis.var(f"StatusSynchronizedMotion.EffectiveLeadingValue.{quantity}")
 
 
-@pytest.mark.requirement("SYN-016")
+@pytest.mark.requirement("SYN-317", "SYN-016")
 def test_what_can_lead():
     """An external encoder and an axis are taken; a cam and what is no object at all are 16#8002."""
     rig = behind_belt()

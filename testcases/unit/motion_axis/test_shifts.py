@@ -387,7 +387,7 @@ def test_the_additive_value_acts_at_once():
         assert (job.Busy, bool(tag(rig, "StatusWord") & 1 << 4)) == (enable, enable)
 
 
-@pytest.mark.requirement("SYN-226", "SYN-439", "SYN-229")
+@pytest.mark.requirement("SYN-220", "SYN-226", "SYN-439", "SYN-229")
 def test_the_additive_value_belongs_to_the_axis():
     """Accepted without a synchronous job, kept by the next ones; a second instance takes over; disabling ends
     it, and a disabled axis refuses it with 16#800F.

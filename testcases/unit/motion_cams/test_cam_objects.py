@@ -646,8 +646,8 @@ def test_copied_elements_are_valid_and_wait_for_an_interpolation():
 
 @pytest.mark.exhaustive
 @pytest.mark.requirement(
-    "CAM-082", "CAM-083", "CAM-084", "CAM-085", "CAM-086", "CAM-087", "CAM-094", "CAM-095", "CAM-096",
-    "CAM-097", "CAM-214", "CAM-236",
+    "SYN-342", "CAM-082", "CAM-083", "CAM-084", "CAM-085", "CAM-086", "CAM-087", "CAM-094", "CAM-095",
+    "CAM-096", "CAM-097", "CAM-214", "CAM-236",
 )  # fmt: skip
 def test_limits_of_indexes_and_numbers(subtests):
     """At a limit accepted, beyond it refused with the ErrorID of the input and without a trace in the cam."""
@@ -697,7 +697,7 @@ def test_limits_of_indexes_and_numbers(subtests):
                     assert (rig.cam.object.data.revision, rig.cam.object.data.points) == before
 
 
-@pytest.mark.requirement("CAM-088", "CAM-089", "CAM-091")
+@pytest.mark.requirement("SYN-344", "CAM-088", "CAM-089", "CAM-091")
 def test_arrays_are_those_of_the_cam_and_have_optimised_access():
     """16#80E9 and 16#80EA otherwise, and where one is missing; what changes while the job runs is copied as
     it is then.
@@ -736,7 +736,7 @@ def test_cam_in_use_is_copied_into():
     assert cam.var("Point[2500].y") == 2.0
 
 
-@pytest.mark.requirement("CAM-099")
+@pytest.mark.requirement("SYN-343", "CAM-099")
 def test_one_copy_and_no_interpolation_at_a_time():
     """While a copy runs X7; a second one 16#80E7; while an interpolation runs 16#80E8."""
     rig = Rig(kind="TO_Cam_10k")
