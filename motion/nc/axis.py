@@ -284,6 +284,7 @@ class NcAxis:
             self.decouple()
         if self.external.enabled and command.kind != STOP:
             self.external.cancel()
+        self.raw_output = None
         if command.kind != STOP:
             self._last_dynamics = command.deceleration, command.jerk
             self.monitoring.new_target()
@@ -843,6 +844,16 @@ class NcAxis:
         """Send the outputs again in a SAF cycle in which the axis is not executed (NC-075)."""
         if not self.encoder_only:
             self.device.write(self._outputs)
+
+    @property
+    def universal(self) -> bool:
+        """Whether the drive is of the type Universal (NC-416)."""
+        return self.parameters.read("drv.type") == "UNIVERSAL"
+
+    @property
+    def maximum_velocity(self) -> float:
+        """Maximum Velocity, position unit/s."""
+        return self._maximum_velocity.value
 
     @property
     def outputs(self) -> DriveOutputs:

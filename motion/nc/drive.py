@@ -149,6 +149,11 @@ class Drive:
         """Velocity of full scale, position unit/s (NC-336)."""
         return self._reference.value / self._ratio.value
 
+    @property
+    def velocity_factor(self) -> float:
+        """Output Scaling Factor (Velocity)."""
+        return self._scaling.value
+
     def limited(self, control: float) -> float:
         """Return the output of the position controller within its limit, position unit/s (NC-554)."""
         limit = self._control_limit.value * self.full

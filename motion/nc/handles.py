@@ -30,6 +30,8 @@ from motion.nc.blocks import (
 )
 from motion.nc.errors import error_text
 from motion.nc.modulo import Direction
+from motion.nc.online import Online
+from motion.nc.process_image import ProcessImage
 
 if TYPE_CHECKING:
     from motion.nc.axis import NcAxis
@@ -59,11 +61,31 @@ class NcAxisHandle:
         self.ref = ref
         """`AXIS_REF` of the program: `ref.PlcToNc`, `ref.NcToPlc`, `ref.Status`."""
         self._power: MC_Power | None = None
+        self._online: Online | None = None
 
     @property
     def object(self) -> NcAxis:
         """The axis itself; an activation of the configuration makes another one."""
         return self.ref.axis
+
+    @property
+    def online(self) -> Online:
+        """Its online dialog: view, enabling, keys F1 to F9, functions."""
+        if self._online is None:
+            runtime, name = self._runtime, self.name
+            self._online = Online(
+                self.ref,
+                scheduler=runtime.scheduler,
+                plc_has_priority=lambda: runtime.plc_running and runtime.links[name].connected,
+                axis_of=lambda other: runtime.links[other].ref.axis,
+            )
+            runtime.after_cycle.append(self._online.step)
+        return self._online
+
+    @property
+    def image(self) -> ProcessImage:
+        """Process images between the axis and its device, as of the last cycle."""
+        return ProcessImage(self.object)
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the values that are recorded for the present cycle."""

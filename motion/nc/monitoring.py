@@ -43,6 +43,10 @@ class Monitoring:
         self._waiting = 0
         self._still = 0
         self._last: float | None = None
+        self.lag_min = 0.0
+        """Lowest following error since `reset_extremes`, position unit."""
+        self.lag_max = 0.0
+        """Highest following error since `reset_extremes`, position unit."""
         self.in_area = False
         """`InPositionArea`."""
         self.in_target = False
@@ -60,6 +64,10 @@ class Monitoring:
         self._lagging = self._inside = self._waiting = self._still = 0
         self._last = None
 
+    def reset_extremes(self) -> None:
+        """Begin again with the extreme values of the following error."""
+        self.lag_min = self.lag_max = 0.0
+
     def new_target(self) -> None:
         """Begin again with windows and timeout, for a new command (NC-156)."""
         self._inside = self._waiting = 0
@@ -67,6 +75,10 @@ class Monitoring:
 
     def watch_lag(self, error: float) -> int:
         """Compare the following error with its maximum; returns an error code, 0 for none."""
+        if error < self.lag_min:
+            self.lag_min = error
+        elif error > self.lag_max:
+            self.lag_max = error
         limit = self._lag.value
         if not self._lag_on.value or -limit <= error <= limit:
             self._lagging = 0

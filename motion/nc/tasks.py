@@ -52,6 +52,10 @@ class AxisLink:
         self.ref = ref
         self._watchdog = watchdog
         self._plc_cycles = plc_cycles
+        self.connected = True
+        """The axis is linked to the PLC; False: nothing is transferred, and what is written to the axis stays
+        (NC-013).
+        """
         self.to_plc_stalled = False
         """A fault: the transfer from the NC to the PLC does not run."""
         self._count = -1
@@ -60,6 +64,8 @@ class AxisLink:
 
     def to_nc(self) -> None:
         """Take over what the PLC has written since the last cycle."""
+        if not self.connected:
+            return
         written = self.ref.PlcToNc
         if written.PlcCycleCount != self._count:
             self._count = written.PlcCycleCount
@@ -74,6 +80,8 @@ class AxisLink:
 
     def to_plc(self) -> None:
         """Bring the image of the NC to the PLC."""
+        if not self.connected:
+            return
         if not self.to_plc_stalled:
             self._stale_to_plc = 0
             self.ref.image = self.ref.axis.nc_to_plc

@@ -43,7 +43,7 @@ def _drive(cycle_s=T, tables=None, **values):
 
 @pytest.mark.requirement("NC-356", "NC-357", "NC-373")
 def test_moving_average():
-    """Off, the output is the set position; a moving average of 20 ms at 1 ms spreads a step over 20 cycles."""
+    """Off, the output is the set position; a moving average of 20 ms at 1 ms spreads a step over 20."""
     drive = _drive(cycle_s=0.001)
     assert [drive.position(s, 0.0, 0.0) for s in (0.0, 20.0, -3.0)] == [0.0, 20.0, -3.0]
     drive = _drive(cycle_s=0.001, drv__smoothing_type="Moving Average", drv__smoothing_time=0.02)
@@ -74,7 +74,7 @@ def test_p_tn(subtests):
 
 @pytest.mark.requirement("NC-372")
 def test_smoothing_shows_as_following_error():
-    """The filter acts on the position output alone: its delay is following error, and the set position stays."""
+    """The filter acts on the position output alone: its delay is following error."""
     errors = []
     for values in ({}, {"drv__smoothing_type": "Moving Average", "drv__smoothing_time": 0.02}):
         rig = _position_rig(**values)
@@ -422,7 +422,7 @@ _ROWS = {
 
 @pytest.mark.requirement(*(f"NC-{row}" for row in range(482, 516)))
 def test_parameters_of_controller_types(subtests):
-    """A controller type has its parameters; another one is refused, when the axis is made and while it runs."""
+    """A controller type has its parameters; another one is refused, at the start and online."""
     for row, (key, types) in _ROWS.items():
         one = catalogue()[key]
         if one.type == "bool":
