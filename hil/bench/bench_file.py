@@ -26,6 +26,10 @@ EMBEDDED: Final = (
     "analog",
     "stepper",
     "synchronous",
+    "flying_shear",
+    "rotary_knife",
+    "winder",
+    "line_shaft",
 )
 """Benches that ship with the product, usable by name."""
 _ANCHORED: Final = {
