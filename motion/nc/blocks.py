@@ -7,11 +7,12 @@ may set them: `move(Execute=True, Position=100.0)`. Outputs are attributes too a
 from __future__ import annotations
 
 from enum import IntEnum
+from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from typing_extensions import override
 
-from fieldbus.errors import UnknownAttributeError, UnknownNameError
+from fieldbus.errors import ConfigurationError, UnknownAttributeError, UnknownNameError, similar_names
 from motion.nc.commands import CONTINUOUS, ENDLESS, POSITION, STOP, BufferMode, Command, CommandState
 from motion.nc.errors import BLOCK_MODE, BLOCK_NOT_PERMITTED, BLOCK_PARAMETER, error_text
 from motion.nc.interface import FULL_OVERRIDE, OpMode, State
@@ -35,6 +36,36 @@ class JogMode(IntEnum):
     MC_JOGMODE_STANDARD_FAST = 1
     MC_JOGMODE_CONTINOUS = 2
     MC_JOGMODE_INCHING = 3
+
+
+def _input_value(where: str, value: object, default: object) -> Any:
+    """Return a value as an input of the kind of `default` keeps it.
+
+    Raises:
+        ConfigurationError: It is of another kind.
+
+    """
+    if isinstance(default, IntEnum):
+        members = type(default)
+        if isinstance(value, str):
+            if value not in members.__members__:
+                near = similar_names(value, members.__members__)
+                raise ConfigurationError(
+                    where, value, ", ".join(members.__members__) + (near and f"; {near}")
+                )
+            return members[value]
+        allowed = f"a number, or one of {', '.join(members.__members__)}"
+    elif isinstance(default, bool):
+        if value is not None and not isinstance(value, str):
+            return value
+        allowed = "True or False"
+    elif isinstance(default, (int, float)):
+        allowed = "a number"
+    else:
+        return value
+    if isinstance(value, Real):
+        return value
+    raise ConfigurationError(where, value, allowed)
 
 
 class Block:
@@ -73,12 +104,14 @@ class Block:
 
         Raises:
             UnknownNameError: The block does not have the input.
+            ConfigurationError: The input cannot have the value: enumerations take a member, its name or a
+                number, BOOL inputs True or False, the others a number.
 
         """
         for key, value in inputs.items():
             if key not in self.inputs:
                 raise UnknownNameError(self.block, key, "an input", self.inputs)
-            setattr(self, key, value)
+            setattr(self, key, _input_value(f"{self.block}.{key}", value, self.inputs[key]))
 
     def __call__(self, **inputs: float) -> None:
         """Call the block once."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from fieldbus.errors import UnknownAttributeError
 from motion.nc.blocks import (
     DEFAULT_HOME_POSITION,
     Block,
@@ -62,6 +63,14 @@ class NcAxisHandle:
         """`AXIS_REF` of the program: `ref.PlcToNc`, `ref.NcToPlc`, `ref.Status`."""
         self._power: MC_Power | None = None
         self._online: Online | None = None
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> object:
+            """Name methods that are similar to one that does not exist."""
+            if name.startswith("_"):
+                raise AttributeError(name)
+            raise UnknownAttributeError(self, attribute=name, what=self.name)
 
     @property
     def object(self) -> NcAxis:

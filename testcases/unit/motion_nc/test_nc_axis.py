@@ -4,6 +4,7 @@ import pytest
 
 from fieldbus.errors import ConfigurationError, UnknownNameError
 from motion.nc.blocks import JogMode
+from motion.nc.commands import BufferMode
 from testcases.unit.motion_nc.nc_rig import Rig, T
 
 pytestmark = pytest.mark.exhaustive
@@ -539,3 +540,25 @@ def test_wrong_inputs():
     move = rig.handle.move_absolute(1.0, Velocity=5.0, Acceleration=-1.0)
     rig.cycles(2)
     assert move.ErrorID == 0x4B06
+
+
+def test_inputs_are_of_their_kind():
+    """An enumeration takes the name of a member; what is no value for an input is refused where it is given,
+    with what is allowed.
+    """
+    rig = Rig().enabled()
+    blended = rig.handle.move_absolute(1.0, Velocity=10.0, BufferMode="BlendingLow")
+    assert blended.BufferMode is BufferMode.BlendingLow
+    rig.until(blended.done)
+    for given, message in (
+        ({"BufferMode": "BlendingLo"}, r"MC_MoveAbsolute.BufferMode: 'BlendingLo' .*similar: BlendingLow"),
+        ({"Velocity": "fast"}, r"MC_MoveAbsolute.Velocity: 'fast' is not allowed; allowed: a number"),
+        ({"Velocity": None}, "a number"),
+    ):
+        with pytest.raises(ConfigurationError, match=message):
+            rig.handle.move_absolute(1.0, **{"Velocity": 10.0} | given)
+    with pytest.raises(ConfigurationError, match=r"MC_MoveAbsolute\.Execute: .*True or False"):
+        blended.set(Execute="no")
+    rig.cycles(3)
+    with pytest.raises(AttributeError, match=r"has no 'move_absolut'; similar: move_absolute"):
+        _ = rig.handle.move_absolut
