@@ -20,6 +20,7 @@ from reports.model import (
     Check,
     FaultRecord,
     Message,
+    Reaction,
     RequirementInfo,
     RunResult,
     Step,
@@ -36,7 +37,7 @@ _MESSAGE_FIELDS = tuple(item.name for item in fields(Message))
 _CASE_PLAIN = tuple(
     item.name
     for item in fields(CaseResult)
-    if item.name not in {*_ROWS, "cams", "homings", "messages", "signals"}
+    if item.name not in {*_ROWS, "cams", "homings", "messages", "reaction", "signals"}
 )
 _RUN_PLAIN = tuple(item.name for item in fields(RunResult) if item.name not in {"cases", "requirements"})
 
@@ -50,6 +51,7 @@ def case_to_plain(case: CaseResult) -> dict[str, Any]:
     plain = {name: getattr(case, name) for name in _CASE_PLAIN}
     for name in _ROWS:
         plain[name] = [_plain(record) for record in getattr(case, name)]
+    plain["reaction"] = None if case.reaction is None else _plain(case.reaction)
     plain["cams"] = [drawing.to_plain() for drawing in case.cams]
     plain["homings"] = [drawing.to_plain() for drawing in case.homings]
     plain["messages"] = [[getattr(message, name) for name in _MESSAGE_FIELDS] for message in case.messages]
@@ -68,6 +70,8 @@ def case_from_plain(plain: Mapping[str, Any]) -> CaseResult:
     values["checks"] = [{**check, "verdict": Verdict(check["verdict"])} for check in values.get("checks", [])]
     for name, kind in _ROWS.items():
         values[name] = [kind(**record) for record in values.get(name, [])]
+    reaction = values.get("reaction")
+    values["reaction"] = None if reaction is None else Reaction(**reaction)
     values["cams"] = [CamDrawing.from_plain(drawing) for drawing in values.get("cams", [])]
     values["homings"] = [HomingDrawing.from_plain(drawing) for drawing in values.get("homings", [])]
     values["messages"] = messages_from_plain(values.get("messages", []))

@@ -144,6 +144,34 @@ class FaultRecord:
 
 
 @dataclass
+class Reaction:
+    """What an axis made of the fault or stop of a case, measured on the trace: what two makes of controllers
+    are compared by.
+    """
+
+    cause: str
+    """Fault or stop, in words."""
+    begin_s: float
+    """When it came."""
+    axis: str
+    drive: str
+    velocity: float
+    """Velocity of the machine at that time, mm/s."""
+    code: str = ""
+    """Alarm or error code, with its text; empty: none came."""
+    response: str = ""
+    """What the controller did by itself: `reaction 4 (remove enable)`, `shut down`."""
+    delay_s: float | None = None
+    """From the cause to the alarm or error; None: there was none."""
+    stop_s: float | None = None
+    """From the cause until the machine stood; None: it moved on, or stood already."""
+    distance: float | None = None
+    """Way of the machine in that time, mm."""
+    go_on: str = ""
+    """What it took to move again; empty: it was not tried."""
+
+
+@dataclass
 class CaseResult:
     """Everything known of one executed case."""
 
@@ -180,6 +208,8 @@ class CaseResult:
     """Where in the code of the test it failed, as the test runner shows it; may be empty."""
     controller: str = ""
     """Make of the controller where the user asked for it: `s7` or `nc`; empty: that of the bench."""
+    reaction: Reaction | None = None
+    """What the axis made of the fault or stop, where the user asked for makes of controllers."""
 
 
 class Earlier(NamedTuple):

@@ -21,12 +21,13 @@ from hil.campaign._evidence import (
     build_story,
 )
 from hil.campaign._limits import limit_simulated, limit_wall
+from hil.campaign._reaction import reaction_of, shown_to_go_on, tried_to_go_on
 from hil.campaign._token import Token
 from hil.errors import BlockedError, CaseEndedError, CaseTimeoutError, UnsupportedFaultError
 from hil.expect import describe, run_checkers
 from hil.protocols import ProfiledBench, TimedBench
 from hil.record import Difference, Trace, first_difference, homing_drawings
-from reports.model import CaseResult, Check, Verdict
+from reports.model import CaseResult, Check, Reaction, Verdict
 
 if TYPE_CHECKING:
     from hil.bench.bench import Bench
@@ -182,6 +183,8 @@ def _run_once(case: Case, bench_file: BenchFile[Bench], settings: CaseSettings) 
                 context, trace, result, signals=case.signals, judged=judged, window=settings.message_window
             )
             context.faults.remove_all()
+            if case.controller:
+                result.reaction = _reaction(context, trace, result)
     except (BlockedError, UnsupportedFaultError) as error:
         result.verdict, result.message = Verdict.BLOCKED, str(error)
     except (CaseTimeoutError, CaseEndedError) as error:
@@ -190,6 +193,23 @@ def _run_once(case: Case, bench_file: BenchFile[Bench], settings: CaseSettings) 
         result.verdict, result.message = Verdict.ERROR, _text_of(error)
     result.wall_s = time.perf_counter() - started
     return Execution(result, trace, late_s)
+
+
+def _reaction(context: CaseContext, trace: Trace, result: CaseResult) -> Reaction | None:
+    """Return what the axis made of the fault or stop, and what it takes to move again, which is tried on the
+    bench where the case has not shown it.
+    """
+    bench = context.bench
+    axis = next(iter(bench.config.axis), "")
+    if not axis:
+        return None
+    found = reaction_of(trace, context.story, axis=axis, drive=bench.config.axis[axis].drive)
+    if found is not None:
+        passed = result.verdict is Verdict.PASSED
+        found.go_on = shown_to_go_on(context.story, found, passed=passed) or tried_to_go_on(
+            bench, axis, disabled=found.cause.startswith("MC_Power")
+        )
+    return found
 
 
 def requirements_here(requirements: Sequence[str], profiles: Iterable[str]) -> list[str]:

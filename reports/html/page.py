@@ -30,6 +30,7 @@ from reports.coverage import (
     with_stop,
 )
 from reports.html.bundle import EMBEDDED_LIMIT, Bundle, pack
+from reports.html.makes import HEIGHT, WIDTH, WORDS, side_by_side
 from reports.html.overview import overview
 from reports.html.packing import packed
 from reports.html.payload import index_entry, script_json
@@ -39,12 +40,21 @@ from reports.seeding import Seeding
 from reports.summary import run_digest
 from reports.text import VERDICTS, duration, headline, own_title, run_state
 
-_STYLES: Final = ("style.css", "case.css", "homing.css", "curves.css")
+_STYLES: Final = ("style.css", "case.css", "homing.css", "curves.css", "makes.css")
 _SCRIPTS: Final = (
     "core.js", "list.js", "requirements.js", "overlay.js", "plot.js", "homing.js", "curves.js", "case.js",
     "main.js",
 )  # fmt: skip
 _PLAIN_ROWS: Final = 500
+_MAKE_ROWS: Final = (
+    ("Alarm or error", "code"),
+    ("It came after", "delay"),
+    ("Controller", "response"),
+    ("Machine stands after", "stop"),
+    ("Way until then", "distance"),
+    ("To go on", "go_on"),
+)
+"""What is compared of makes of controllers, and where it is found."""
 
 
 def render_html(
@@ -102,6 +112,8 @@ def _page(run: RunResult, bundle: Bundle, overview: JsonObject, changes: Mapping
     program = _library() + '\n(() => {\n"use strict";\n' + "\n".join(map(_resource, _SCRIPTS)) + "})();"
     requirement_rows = requirement_matrix(run)
     place = {case.identifier: index for index, case in enumerate(run.cases)}
+    makes = side_by_side(run)
+    keys = list(dict.fromkeys(case.controller for case in run.cases if case.controller))
     state = run_state(run)
     title, text = _verdict_words(run, state)
     context: dict[str, object] = {
@@ -142,6 +154,10 @@ def _page(run: RunResult, bundle: Bundle, overview: JsonObject, changes: Mapping
         "facts": _facts(run),
         "bundle": bundle,
         "overview": overview,
+        "makes": makes,
+        "make_words": [(key, WORDS.get(key, key)) for key in keys],
+        "make_rows": _MAKE_ROWS,
+        "make_size": (WIDTH, HEIGHT),
         "style": Markup("".join(_resource(name) for name in _STYLES)),  # noqa: S704 (a file of this package)
         "script_sources": Markup(  # noqa: S704 (base 64 and constants)
             _hash(program) + (" 'self' file:" if bundle.folder else "")
