@@ -19,6 +19,7 @@ from fieldbus.history import History
 from hil.bench.control import ControlSystem
 from hil.bench.emulated import DeviceBuilder, EmulatedDevices, named_rng
 from hil.bench.frame_texts import FrameTexts
+from hil.bench.judged_numbers import numbers_of_drive
 from hil.bench.names import cob_ids, component_names, named, nodes_on
 from hil.bench.numbers import axis_numbers
 from hil.bench.segments import Segments
@@ -129,7 +130,7 @@ class Bench:
             self._segments.record_frames(self.recorder, self.runtime.after_cycle)
             self._devices = self._find_devices(stack)
             stack.callback(self._segments.leave)
-            self._note_stops()
+            self._note_numbers()
             self._control = ControlSystem(
                 config,
                 self.runtime,
@@ -185,16 +186,11 @@ class Bench:
     def _attach(self, segment: str, name: str, device: ModbusDevice) -> None:
         self._segments.modbus[segment].attach(name, device)
 
-    def _note_stops(self) -> None:
-        """Note where the machine ends, for judges of the trace."""
+    def _note_numbers(self) -> None:
+        """Note the numbers of the drives, for judges of the trace."""
         for name, section in self.config.drive.items():
-            machine = section.machine
-            if machine is None or section.device != "emulated":
-                continue
-            stops_mm = {"negative": machine.negative_stop_mm, "positive": machine.positive_stop_mm}
-            for side, stop_mm in stops_mm.items():
-                if stop_mm is not None:
-                    self.recorder.set_constant(f"{name}.{side}_stop", stop_mm / 1000.0)
+            for key, value in numbers_of_drive(section, self.config.bench).items():
+                self.recorder.set_constant(f"{name}.{key}", value)
 
     # -- parts ----------------------------------------------------------------------------------------------
 

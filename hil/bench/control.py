@@ -13,6 +13,7 @@ from hil.bench.axis_config import AxisTable, ExternalEncoderTable, second_of
 from hil.bench.cam_config import CamTable
 from hil.bench.controller_buses import ControllerBuses
 from hil.bench.drive_ports import DrivePorts
+from hil.bench.judged_numbers import numbers_of_axis
 from hil.bench.startup import LINK_TIMEOUT_NS, commission, wait_for_encoders
 from hil.bench.units import taken_over_in_unit
 from hil.errors import BlockedError
@@ -307,6 +308,13 @@ class ControlSystem:
         }
         if self._interpolator_ns != self._runtime.cycle_ns:
             constants["interpolator_s"] = self._interpolator_ns / S
+        own = self._config.encoders_of_axis(name)
+        if axis.has_position:
+            drive = self._config.axis[name].drive
+            constants["encoder_of_drive"] = own is None or (len(own) > 0 and own[0] == drive)
+            constants["delay_s"] = axis.delay_s
+            constants["limits_at_drive"] = self._config.inputs_of_axis(name) is None
+        constants |= numbers_of_axis(axis.variables)
         for key, value in constants.items():
             self._recorder.set_constant(f"{name}.{key}", value)
 

@@ -76,10 +76,12 @@ def _held(signal: Signal, times: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _torque(trace: Trace, drive: str) -> NDArray[np.bool_] | None:
-    """Return where the words of a drive say that it may give torque; None: it has no such word."""
+    """Return where a drive gives torque by its words, or by its record; None: it has neither."""
     if f"{drive}.statusword" in trace:
         return has_torque(np.nan_to_num(trace[f"{drive}.statusword"].values).astype(np.int64))
-    return pulses_enabled(trace, drive) if f"{drive}.drive_zsw2" in trace else None
+    if f"{drive}.drive_zsw2" in trace:
+        return pulses_enabled(trace, drive)
+    return trace[f"{drive}.torque"].values != 0.0 if f"{drive}.torque" in trace else None
 
 
 def _axes(trace: Trace) -> list[tuple[str, str]]:
@@ -257,6 +259,19 @@ def check_feedback(trace: Trace) -> list[Check]:
     return checks
 
 
+def _out_of_step(trace: Trace, drive: str) -> Spans:
+    """Return when a stepper motor does not follow its pulses, which the axis takes for its position."""
+    spans: Spans = []
+    begin: float | None = None
+    for entry in trace.select(source=drive, kind="drive."):
+        if entry.kind == "drive.out_of_step" and begin is None:
+            begin = entry.time_ns * 1e-9
+        elif entry.kind == "drive.in_step" and begin is not None:
+            spans.append((begin, entry.time_ns * 1e-9))
+            begin = None
+    return spans if begin is None else [*spans, (begin, float("inf"))]
+
+
 def _drifted(trace: Trace, axis: str, drive: str, scale: float) -> tuple[float, str] | None:
     """Return when actual and true position drift apart by more than the delay of the bus explains."""
     actual = trace[f"{axis}.actual_position"]
@@ -268,6 +283,7 @@ def _drifted(trace: Trace, axis: str, drive: str, scale: float) -> tuple[float, 
         linked = _held(trace[f"{axis}.communication_ok"], times) != 0
     disturbed = _inside(times, _fault_spans(trace, _FEEDBACK, _FEEDBACK_S))
     disturbed |= _inside(times, _fault_spans(trace, ("controller.",), _CONTROLLER_S))
+    disturbed |= _inside(times, _out_of_step(trace, drive))
     resets = sorted(
         entry.time_ns * 1e-9
         for entry in (

@@ -31,6 +31,7 @@ from hil.expect._setpoint_rules import (
 from hil.expect._synchronous_rules import check_synchronous_operation
 from hil.expect._wording import rule_sentence
 from hil.expect._words import cia402_state, normal_state
+from hil.expect.rules import judge
 from hil.record import Trace
 from reports.model import Check, Verdict
 
@@ -372,7 +373,11 @@ ALWAYS_ON: Final[tuple[Checker, ...]] = (
     check_profidrive_sign_of_life,
     check_log_words,
     check_log_signs_of_life,
+<<<<<<< HEAD
     check_synchronous_operation,
+=======
+    judge,
+>>>>>>> e16b26a (Fifty rules that know physics and protocol judge every trace; each is shown to fire)
 )
 """The checkers that judge every case."""
 

@@ -106,7 +106,8 @@ class ArmedFault:
         self.applications += 1
         last = self.applications >= self._limit
         self.active = True
-        self._emit("fault.applied", **self.fault.parameters)
+        details = {"momentary": True} if self._action.remove is None else {}
+        self._emit("fault.applied", **self.fault.parameters, **details)
         try:
             self._action.apply()
         except HilError:

@@ -124,6 +124,7 @@ EVENT_KINDS: Final = MappingProxyType(
         "node.lost": "the controller has lost a node",
         "panel.control": "a control panel takes an axis from the user program, or gives it back",
         "plc.halted": "an exception of the arithmetic has halted the PLC of an NC",
+        "power.disable": "MC_Power.Enable falls",
         "power.status": "MC_Power.Status changes",
         "power.waits": "MC_Power waits for something before it can enable",
         "program.error": "a variable was accessed wrongly",

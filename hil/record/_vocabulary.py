@@ -56,7 +56,7 @@ EVENT_DETAILS: Final[Mapping[str, tuple[str, ...]]] = {
     "alarm.raised": ("number", "reaction", "alarm_class", "info", "text"),
     "axis.error": ("error_id", "text"),
     "axis.feed_missing": ("error_id", "text"),
-    "axis.homed": ("mode", "offset"),
+    "axis.homed": ("mode", "offset", "position"),
     "axis.follows": (
         "job",
         "leader",
@@ -93,11 +93,22 @@ EVENT_DETAILS: Final[Mapping[str, tuple[str, ...]]] = {
     "job.synchronous": _JOB,
     "job.in_velocity": _JOB,
     "job.leaves_velocity": _JOB,
-    "job.started": _JOB,
+    "job.started": (
+        *_JOB,
+        "mode",
+        "velocity",
+        "acceleration",
+        "deceleration",
+        "jerk",
+        "position",
+        "distance",
+    ),
     "log.heard": ("values", "about"),
     "log.silent": ("reason", "values", "about"),
     "nmt.state": ("from", "to"),
+    "power.disable": ("stop_mode",),
     "power.status": ("value",),
+    "program.write": ("variable", "value", "in_runtime_unit", "start"),
 }
 """Details of the kinds that always have the same ones; a source leaves out those that it does not know."""
 

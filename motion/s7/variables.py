@@ -315,6 +315,7 @@ class VariableStore:
             assert low is not None  # without a range every number but NaN is permitted
             assert high is not None
             converted = low if converted < low else high
+        self._log_write(stored, converted)
         if access == "CAL":
             stored.put(converted)
             return
@@ -338,6 +339,7 @@ class VariableStore:
         if variable.access == "RON":
             raise VariableAccessError(f"{path} is read only (RON)")
         stored.start = variable.convert(path, value)
+        self._log_write(stored, stored.start, start=True)
         if variable.access == "RES":
             self._mark(stored)
         if self.on_start_value is not None:
@@ -382,6 +384,7 @@ class VariableStore:
                 f"{variable.allowed(self._motion_type)}",
                 ERROR_PARAMETER_VALUE,
             )
+        self._log_write(stored, converted)
         stored.put(converted)
 
     # -- the runtime's side
@@ -537,6 +540,17 @@ class VariableStore:
         else:
             self._stale[stored.path] = stored
         self.online_start_values_changed = bool(self._stale)
+
+    def _log_write(self, stored: StoredVariable, value: float, *, start: bool = False) -> None:
+        """Record an assignment; `start`: of a start value, which waits for a restart."""
+        if self._history is None:
+            return
+        details: dict[str, float | str] = {"variable": stored.path, "value": value}
+        if stored.factor != 1.0:
+            details["in_runtime_unit"] = value * stored.factor
+        if start:
+            details["start"] = True
+        self._history.emit(self._name, "program.write", **details)
 
     def _programming_error(self, path: str, value: object) -> None:
         """Record an assignment that the controller answers with OB 121."""

@@ -190,6 +190,8 @@ class EnableControl:
             return
         self._command.enable = enable
         if not enable:
+            if self._history is not None:
+                self._history.emit(self._name, "power.disable", stop_mode=stop_mode)
             self._disable(stop_mode)
 
     def _disable(self, stop_mode: int) -> None:

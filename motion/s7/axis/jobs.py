@@ -147,6 +147,12 @@ class JobClass(IntEnum):
     """`MC_GearOut`, `MC_CamOut` (waiting S8, active S9)."""
 
 
+_WITHOUT_DYNAMICS: Final = frozenset(
+    (JobClass.MOTION_IN, JobClass.HOMING, JobClass.PASSIVE_HOMING, JobClass.NONE)
+)
+"""Jobs without dynamic values, or whose values change on the way."""
+
+
 class Job:
     """One execution of a motion instruction.
 
@@ -268,7 +274,34 @@ class Job:
         """Record the acceptance by axis `source`."""
         self.source = source
         self.history = history
-        self._log("job.started")
+        if history is not None:
+            history.emit(
+                source,
+                "job.started",
+                job=self.name,
+                instruction=self.instruction,
+                error_id=self.error_id,
+                **self._asked(),
+            )
+
+    def _asked(self) -> dict[str, float]:
+        """Return what a motion job is given: its way and its dynamic values, in the units of the runtime."""
+        cls = self.job_class
+        if cls is JobClass.STOP:
+            asked: dict[str, float] = {"mode": self.mode}
+        elif cls in _WITHOUT_DYNAMICS or self.deceleration == 0.0:
+            return {}
+        else:
+            asked = {}
+        if self.deceleration:
+            asked |= {"acceleration": self.acceleration, "deceleration": self.deceleration, "jerk": self.jerk}
+        if cls is JobClass.POSITIONING or cls is JobClass.VELOCITY or cls is JobClass.SUPERIMPOSED:
+            asked["velocity"] = self.velocity
+        if cls is JobClass.SUPERIMPOSED or (cls is JobClass.POSITIONING and self.relative):
+            asked["distance"] = self.distance
+        elif cls is JobClass.POSITIONING:
+            asked["position"] = self.target
+        return asked
 
     def activate(self) -> None:
         """Take control (MC-060)."""

@@ -121,7 +121,7 @@ def home_directly(
     if mode in (6, 7):
         feedback.keep_offset()
     if owner.history is not None:
-        owner.history.emit(owner.name, "axis.homed", mode=mode, offset=offset)
+        owner.history.emit(owner.name, "axis.homed", mode=mode, offset=offset, position=position)
 
 
 def relate(owner: HomingObject, offset: float, *, all_sensors: bool = False) -> None:

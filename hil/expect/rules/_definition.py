@@ -1,0 +1,147 @@
+"""What a rule is: one definition with its name, what it says, where that stands, and what excuses it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.expect._wording import rule_sentence
+from reports.model import Check, Verdict
+
+Flags = NDArray[np.bool_]
+Numbers = NDArray[np.float64]
+Describe = Callable[[int], str]
+"""Makes the sentence about what is wrong at an index."""
+View = TypeVar("View")
+
+
+class Judged(NamedTuple):
+    """What a rule has found on one component, before faults excuse anything."""
+
+    time_s: Numbers
+    """Time of everything that was looked at."""
+    judged: Flags
+    """Where the rule could say something."""
+    broken: Flags
+    """Where it does not hold; a part of `judged`."""
+    describe: Describe
+    """What is wrong at an index."""
+
+    @classmethod
+    def of_list(cls, found: list[tuple[float, str]]) -> Judged:
+        """Return findings one by one: time, and what is wrong or an empty text."""
+        times = np.array([when for when, _ in found], dtype=np.float64)
+        texts = [text for _, text in found]
+        broken = np.array([text != "" for text in texts], dtype=bool)
+        return cls(times, np.ones(len(found), dtype=bool), broken, texts.__getitem__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rule(Generic[View]):
+    """A rule that judges every trace.
+
+    A rule never guesses: where the trace lacks a signal, or the bench a number, it says nothing.
+    """
+
+    name: str
+    """What a check is called, with the component behind it."""
+    says: str
+    """What has to hold."""
+    requirements: tuple[str, ...]
+    """Where the specification says so."""
+    tolerance: str
+    """How far it may be off, and why."""
+    judge: Callable[[View], Judged | None]
+    """Looks at one component; None: nothing there to judge."""
+    excused_by: tuple[str, ...] = ()
+    """Kinds of faults, or families with a trailing dot, that may break the rule on the part that they hit."""
+    recovery_s: float = 0.0
+    """For so long after such a fault, s."""
+    recovery_cycles: int = 0
+    """And for so many cycles of the bench."""
+
+
+class Excuses:
+    """When the faults of a trace excuse what happens on a component: while they act and a moment afterwards.
+
+    Args:
+        spans: Begin, end (infinite: it acts to the end) and kind of every fault that hits the component.
+
+    """
+
+    def __init__(self, spans: list[tuple[float, float, str]]) -> None:
+        self._spans = spans
+
+    def __bool__(self) -> bool:
+        return bool(self._spans)
+
+    def flags(self, times: Numbers, kinds: tuple[str, ...], recovery_s: float) -> Flags:
+        """Return the times at which faults of some kinds are an excuse."""
+        excused = np.zeros(len(times), dtype=bool)
+        for begin_s, end_s, kind in self._spans:
+            if any(kind == one or (one.endswith(".") and kind.startswith(one)) for one in kinds):
+                excused |= (times >= begin_s - 1e-9) & (times <= end_s + recovery_s + 1e-9)
+        return excused
+
+
+def outcome(rule: Rule[View], view: View, component: str, excuses: Excuses, cycle_s: float) -> Check | None:
+    """Return the check of a rule on one component; None where it had nothing to judge."""
+    found = rule.judge(view)
+    if found is None:
+        return None
+    judged, broken = found.judged, found.broken
+    if excuses and rule.excused_by and len(judged):
+        recovery_s = rule.recovery_s + rule.recovery_cycles * cycle_s
+        free = ~excuses.flags(found.time_s, rule.excused_by, recovery_s)
+        judged, broken = judged & free, broken & free
+    seen = int(np.count_nonzero(judged))
+    if not seen:
+        return None
+    places = np.flatnonzero(broken)
+    observed, time_s = f"{seen} times", None
+    if len(places):
+        first = int(places[0])
+        more = f"; {len(places)} times in all" if len(places) > 1 else ""
+        observed, time_s = found.describe(first) + more, float(found.time_s[first])
+    check = Check(
+        name=f"{rule.name} of {component}",
+        verdict=Verdict.FAILED if len(places) else Verdict.PASSED,
+        expected=rule.says,
+        observed=observed,
+        time_s=time_s,
+        requirements=list(rule.requirements),
+    )
+    check.rule, check.sentence = True, rule_sentence(check)
+    return check
+
+
+def runs(flags: Flags) -> Iterator[tuple[int, int]]:
+    """Return first index and index behind the last one of every run of true flags."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
+    for start, end in zip(edges[::2], edges[1::2], strict=True):
+        yield int(start), int(end)
+
+
+def spread(flags: Flags, before: int, after: int) -> Flags:
+    """Return the flags with so many neighbours on either side of every true one."""
+    if not flags.any():
+        return flags
+    result = flags.copy()
+    for step in range(1, after + 1):
+        result[step:] |= flags[:-step]
+    for step in range(1, before + 1):
+        result[:-step] |= flags[step:]
+    return result
+
+
+def last_true(flags: Flags, count: int) -> Flags:
+    """Return where a flag and so many before it are true."""
+    result = flags.copy()
+    for step in range(1, count + 1):
+        result[step:] &= flags[:-step]
+        result[:step] = False
+    return result

@@ -1,0 +1,135 @@
+"""Rules about the motion of a drive: its mechanics, its encoder, and that it follows what was sent."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from hil.expect.rules._definition import Flags, Judged, Rule, spread
+from hil.expect.rules._views import DriveView
+
+_WRAP: Final = 2.0**32
+_RPM: Final = 60.0
+_RECORDED_SPEED: Final = 1e-3
+"""Resolution of a speed setpoint on the bus, rpm."""
+
+
+def _steady_grid(drive: DriveView) -> Flags:
+    """Return the samples that follow the one before by the cycle of the bench."""
+    steps = np.diff(drive.time_s, prepend=-1.0)
+    cycle_s = drive.whole.cycle_s
+    return np.abs(steps - cycle_s) < 1e-3 * cycle_s
+
+
+def _way_of_velocity(drive: DriveView) -> Judged | None:
+    if not drive.has("position", "velocity") or len(drive.time_s) < 4:
+        return None
+    cycle_s = drive.whole.cycle_s
+    p, v = drive["position"], drive["velocity"]
+    way, mean = np.diff(p, prepend=p[0]), np.zeros(len(p))
+    mean[1:] = 0.5 * (v[1:] + v[:-1]) * cycle_s
+    change = np.abs(np.diff(v, prepend=v[0]))
+    around = change.copy()
+    around[1:] = np.maximum(around[1:], change[:-1])
+    around[:-1] = np.maximum(around[:-1], change[1:])
+    bound = cycle_s * (0.75 * around + 0.001 * np.abs(v) + 5e-4) + 1e-9 + 1e-12 * np.abs(p)
+    steps, lead_m = drive.number("increments_per_revolution"), drive.number("lead_m")
+    if steps and lead_m and not drive.has("velocity_demand"):
+        bound += 1.1 * lead_m / (drive.number("gear_ratio") or 1.0) / steps
+    judged = _steady_grid(drive)
+    if drive.has("brake_closed"):
+        closed = drive["brake_closed"]
+        judged &= ~spread(np.diff(closed, prepend=closed[:1]) != 0.0, 2, 2)
+    unit, speed = drive.unit("position"), drive.unit("velocity")
+    return Judged(
+        drive.time_s,
+        judged,
+        judged & (np.abs(way - mean) > bound),
+        lambda at: f"it moves by {way[at]:.4g} {unit} in a cycle at {v[at]:.4g} {speed}",
+    )
+
+
+MECHANICS: Final = Rule(
+    name="motion of the mechanics",
+    says="the position is the integral of the velocity",
+    requirements=("STP-550",),
+    tolerance="three quarters of the change of the velocity in the cycles around; of a stepper one step",
+    judge=_way_of_velocity,
+    excused_by=("mechanics.", "encoder.", "pto.", "drive.brake_slip"),
+    recovery_cycles=3,
+)
+
+
+def _gear(drive: DriveView) -> Judged | None:
+    lead_m, ratio, play = drive.number("lead_m"), drive.number("gear_ratio"), drive.number("backlash_m")
+    if lead_m is None or ratio is None or play != 0.0 or not drive.has("velocity", "motor_speed"):
+        return None
+    if drive.unit("velocity") != "m/s":
+        return None
+    v, speed = drive["velocity"], drive["motor_speed"]
+    expected = v / lead_m * ratio * _RPM
+    broken = np.abs(speed - expected) > 1e-6 * (1.0 + np.abs(expected))
+    return Judged(
+        drive.time_s,
+        np.ones(len(v), dtype=bool),
+        broken,
+        lambda at: f"the motor turns at {speed[at]:.5g} rpm, by the load at {expected[at]:.5g} rpm",
+    )
+
+
+GEAR: Final = Rule(
+    name="gear",
+    says="the speed of the motor is that of the load by gear and lead of the bench file",
+    requirements=("STP-550",),
+    tolerance="rounding; not judged with play",
+    judge=_gear,
+    excused_by=("mechanics.", "pto."),
+    recovery_s=0.0,
+)
+
+
+def _out_of_step(drive: DriveView) -> Flags:
+    """Return when a stepper motor does not follow its pulses, which are what it counts."""
+    lost = np.zeros(len(drive.time_s), dtype=bool)
+    for entry in drive.whole.events.of(drive.name, "drive.out_of_step", "drive.in_step", "drive.slipped"):
+        lost[max(drive.index_of(entry.time_ns) - 1, 0) :] = entry.kind != "drive.in_step"
+    return lost
+
+
+def _encoder(drive: DriveView) -> Judged | None:
+    lead_m, ratio, play = drive.number("lead_m"), drive.number("gear_ratio"), drive.number("backlash_m")
+    steps = drive.number("increments_per_revolution")
+    if lead_m is None or ratio is None or play != 0.0 or steps is None:
+        return None
+    if not drive.has("position", "encoder_increments") or len(drive.time_s) < 3:
+        return None
+    fine = 2.0 ** (drive.number("fine_resolution_bits") or 0.0)
+    p, count = drive["position"], drive["encoder_increments"]
+    per_unit = steps / lead_m * ratio
+    counted = (np.diff(count, prepend=count[0]) + _WRAP / 2) % _WRAP - _WRAP / 2
+    way = np.diff(p, prepend=p[0]) * per_unit
+    powered = np.ones(len(p), dtype=bool)
+    starts = drive.whole.events.of(drive.name, "drive.nmt", "nmt.state", "drive.state")
+    judged = powered & ~drive.near(starts, 1, 1) & ~_out_of_step(drive)
+    judged[0] = False
+    off = np.minimum(np.abs(counted - way), np.abs(counted / fine - way))
+    return Judged(
+        drive.time_s,
+        judged,
+        judged & (off > 2.0 + 1e-9 * np.abs(way)),
+        lambda at: f"{counted[at]:.0f} increments for {way[at]:.1f}",
+    )
+
+
+ENCODER: Final = Rule(
+    name="encoder",
+    says="the encoder counts the way of the shaft",
+    requirements=("STP-550", "C402-122"),
+    tolerance="two increments",
+    judge=_encoder,
+    excused_by=("mechanics.", "encoder.", "pto.", "drive.boot"),
+    recovery_cycles=3,
+)
+
+DRIVE_RULES: Final[tuple[Rule[DriveView], ...]] = (MECHANICS, GEAR, ENCODER)

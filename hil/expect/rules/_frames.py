@@ -1,0 +1,178 @@
+"""The frames of the CAN buses of a trace, by identifier, as columns."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldbus.can.frame import CanFrame
+
+if TYPE_CHECKING:
+    from hil.record import Trace
+
+
+class Frames(NamedTuple):
+    """The data frames of one identifier that were sent and received without an error."""
+
+    time_s: NDArray[np.float64]
+    """Time at which each of them ended."""
+    data: list[bytes]
+
+    def of_length(self, length: int) -> NDArray[np.uint8] | None:
+        """Return the bytes, a row per frame; None when one of them has another length."""
+        joined = b"".join(self.data)
+        if len(joined) != length * len(self.data) or any(len(one) != length for one in self.data):
+            return None
+        return np.frombuffer(joined, dtype=np.uint8).reshape(-1, length)
+
+
+_NONE = Frames(np.empty(0), [])
+
+
+class BusFrames:
+    """The frames of all CAN buses.
+
+    Args:
+        trace: Where they are.
+
+    """
+
+    def __init__(self, trace: Trace) -> None:
+        self._trace = trace
+        self._buses: dict[str, dict[int, Frames]] = {}
+
+    def _of_bus(self, bus: str) -> dict[int, Frames]:
+        found = self._buses.get(bus)
+        if found is None:
+            times: defaultdict[int, list[int]] = defaultdict(list)
+            data: defaultdict[int, list[bytes]] = defaultdict(list)
+            for time_ns, _sender, frame, error in self._trace.raw_frames(bus):
+                if error or not isinstance(frame, CanFrame) or frame.extended or frame.remote:
+                    continue
+                can_id = frame.can_id
+                times[can_id].append(time_ns)
+                data[can_id].append(frame.data)
+            found = self._buses[bus] = {
+                can_id: Frames(np.array(one, dtype=np.float64) * 1e-9, data[can_id])
+                for can_id, one in times.items()
+            }
+        return found
+
+    def of(self, bus: str, can_id: int) -> Frames:
+        """Return the frames of an identifier."""
+        return self._of_bus(bus).get(can_id, _NONE)
+
+
+class Series(NamedTuple):
+    """Values of a signal as they were on the bus."""
+
+    time_s: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+    def latest(self, times: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return the last value that was on the bus before each of some times, and where there was one."""
+        at = np.searchsorted(self.time_s, times - 1e-9, side="right") - 1
+        return self.values[np.maximum(at, 0)], at >= 0
+
+    def age_s(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how long ago the last value was sent at each of some times, s."""
+        at = np.searchsorted(self.time_s, times - 1e-9, side="right") - 1
+        return np.where(at >= 0, times - self.time_s[np.maximum(at, 0)], np.inf)
+
+
+_WORDS_PER_PDO: Final = 4
+_TO_DRIVE: Final = 0x200
+_FROM_DRIVE: Final = 0x180
+_CIA402: Final = {
+    "controlword": (0x200, 0, "<u2"),
+    "target_velocity": (0x200, 2, "<i4"),
+    "mode": (0x200, 6, "<i1"),
+    "statusword": (0x180, 0, "<u2"),
+    "position": (0x180, 2, "<i4"),
+    "torque": (0x180, 6, "<i2"),
+    "velocity": (0x280, 0, "<i4"),
+    "inputs": (0x280, 4, "<u4"),
+    "error_code": (0x380, 0, "<u2"),
+    "error_register": (0x380, 2, "<u1"),
+}
+"""Where the controller maps the objects of a CiA 402 drive: first identifier, byte, format."""
+_LENGTHS: Final = {0x200: 7, 0x180: 8, 0x280: 8, 0x380: 3}
+
+
+class ProcessData:
+    """Cyclic data of a drive on CAN, by the mapping of the controller.
+
+    Args:
+        frames: The frames of all buses.
+        bus: Bus of the drive.
+        node: Its node-ID.
+        words: Of a telegram: the first word of each signal, by `setpoint.NAME` and `actual.NAME`; of a
+            CiA 402 drive None.
+
+    """
+
+    def __init__(self, frames: BusFrames, bus: str, node: int, words: Mapping[str, int] | None) -> None:
+        self._frames = frames
+        self._bus = bus
+        self._node = node
+        self._words = words
+        self._found: dict[str, Series | None] = {}
+
+    def __getitem__(self, name: str) -> Series | None:
+        """Return a signal; None where it is not mapped, was not sent, or not in its length."""
+        if name not in self._found:
+            self._found[name] = self._object(name) if self._words is None else self._signal(name)
+        return self._found[name]
+
+    def _object(self, name: str) -> Series | None:
+        place = _CIA402.get(name)
+        if place is None:
+            return None
+        base, first, kind = place
+        found = self._frames.of(self._bus, base + self._node)
+        rows = found.of_length(_LENGTHS[base])
+        if rows is None or not len(rows):
+            return None
+        format_ = np.dtype(kind)
+        column = np.ascontiguousarray(rows[:, first : first + format_.itemsize]).view(format_)[:, 0]
+        return Series(found.time_s, column.astype(np.float64))
+
+    def _word(
+        self, base: int, word: int, total: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.uint16]] | None:
+        number = word // _WORDS_PER_PDO
+        found = self._frames.of(self._bus, base + 0x100 * number + self._node)
+        rows = found.of_length(2 * min(_WORDS_PER_PDO, total - number * _WORDS_PER_PDO))
+        if rows is None or not len(rows):
+            return None
+        first = 2 * (word % _WORDS_PER_PDO)
+        return found.time_s, np.ascontiguousarray(rows[:, first : first + 2]).view("<u2")[:, 0]
+
+    def _signal(self, name: str) -> Series | None:
+        words = self._words or {}
+        side, _, signal = name.partition(".")
+        if name not in words:
+            return None
+        total = words[f"{side}.words"]
+        base = _TO_DRIVE if side == "setpoint" else _FROM_DRIVE
+        first = self._word(base, words[name], total)
+        if first is None:
+            return None
+        if signal not in _DOUBLE:
+            kind = "<i2" if signal in _SIGNED else "<u2"
+            return Series(first[0], first[1].view(kind).astype(np.float64))
+        second = self._word(base, words[name] + 1, total)
+        if second is None or len(second[0]) != len(first[0]):
+            return None
+        both = first[1].astype(np.uint32) << 16 | second[1]
+        return Series(second[0], both.view(np.int32).astype(np.float64))
+
+
+_DOUBLE: Final = frozenset(
+    ("NSOLL_B", "NIST_B", "G1_XIST1", "G1_XIST2", "G2_XIST1", "G2_XIST2", "XERR", "KPC")
+)
+_SIGNED: Final = frozenset(("NSOLL_A", "NIST_A", "MOMRED", "M_ADD1", "M_LIMIT_POS", "M_LIMIT_NEG", "M_ACT"))

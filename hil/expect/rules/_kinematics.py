@@ -1,0 +1,306 @@
+"""Rules about motion: position, velocity and acceleration belong together, values to their own drive."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from hil.expect.rules._definition import Judged, Numbers, Rule, last_true, spread
+from hil.expect.rules._views import CONTROLLED, AxisView
+
+_ROUNDING: Final = 1e-9
+"""Rounding of a number, as a share."""
+
+
+def _own_setpoints(axis: AxisView) -> np.ndarray:
+    """Return the samples in which the axis makes a smooth setpoint: none that begins from actual values, is
+    given by the user program, or follows a shift of the coordinates.
+    """
+    own = axis.in_states(*CONTROLLED) & ~axis.bit(31) & ~axis.bit(28)
+    if axis.has("status_word2"):
+        own &= ~axis.bit(6, "status_word2")
+    events = axis.whole.events
+    starts = events.of(axis.name, "axis.state", "axis.homed", "axis.sensor", "alarm.raised")
+    starts += events.of(axis.name, "job.active", "job.done", "job.aborted", "job.error")
+    return own & ~axis.near(starts, 1, axis.ratio) & ~axis.gaps
+
+
+def _setpoint_position(axis: AxisView) -> Judged | None:
+    columns = ("position_setpoint", "velocity_setpoint", "acceleration_setpoint", "status_word", "state")
+    if not axis.has_position or not axis.has(*columns) or len(axis.time_s) < 3:
+        return None
+    cycle_s = axis.cycle_s
+    s, v, a = (axis[column] for column in columns[:3])
+    own = _own_setpoints(axis)
+    judged = own.copy()
+    judged[1:] &= own[:-1]
+    judged[0] = False
+    way = np.zeros(len(s))
+    way[1:] = 0.5 * (v[1:] + v[:-1]) * cycle_s
+    moved = np.zeros(len(s))
+    moved[1:] = np.diff(s)
+    bound = np.zeros(len(s))
+    change = np.abs(np.diff(a))
+    inside = np.abs(np.diff(v) - 0.5 * (a[1:] + a[:-1]) * cycle_s)
+    bound[1:] = change * cycle_s**2 / 8.0 + 0.6 * inside * cycle_s
+    bound += _ROUNDING * (1.0 + np.abs(s))
+    off = np.abs(moved - way)
+    unit, speed = axis.unit("position_setpoint"), axis.unit("velocity_setpoint")
+    return Judged(
+        axis.time_s,
+        judged,
+        judged & (off > bound),
+        lambda at: f"it moves by {moved[at]:.6g} {unit} in a cycle at {v[at]:.6g} {speed}",
+    )
+
+
+SETPOINT_POSITION: Final = Rule(
+    name="position setpoint",
+    says="the position setpoint is the integral of the velocity setpoint",
+    requirements=("MC-568",),
+    tolerance="what a change of the acceleration within the cycle can make",
+    judge=_setpoint_position,
+    excused_by=("controller.",),
+    recovery_cycles=3,
+)
+
+
+def _setpoint_velocity(axis: AxisView) -> Judged | None:
+    columns = ("velocity_setpoint", "acceleration_setpoint", "status_word", "state")
+    if not axis.has(*columns) or len(axis.time_s) < 4:
+        return None
+    cycle_s = axis.cycle_s
+    v, a = (axis[column] for column in columns[:2])
+    own = _own_setpoints(axis)
+    judged = last_true(own, 2)
+    judged[:-1] &= own[1:]
+    judged[-1] = False
+    low, high = np.minimum(a[1:], a[:-1]) * cycle_s, np.maximum(a[1:], a[:-1]) * cycle_s
+    gained = np.diff(v)
+    # A ramp that begins and ends within two cycles shows in the neighbours.
+    calm = np.abs(np.diff(a, prepend=a[0])) * cycle_s
+    slack = _ROUNDING * (1.0 + np.abs(v))
+    off = np.zeros(len(v))
+    off[1:] = np.maximum(low - gained, gained - high)
+    near = np.maximum(calm, np.concatenate((calm[1:], [0.0])))
+    for step in range(1, axis.ratio + 1):
+        near[step:] = np.maximum(near[step:], calm[:-step])
+    broken = judged & (off > slack + near)
+    unit = axis.unit("velocity_setpoint")
+    return Judged(
+        axis.time_s,
+        judged,
+        broken,
+        lambda at: f"it changes by {v[at] - v[at - 1]:.6g} {unit} in a cycle at {a[at]:.6g} {unit}/s",
+    )
+
+
+SETPOINT_VELOCITY: Final = Rule(
+    name="velocity setpoint",
+    says="the velocity setpoint is the integral of the acceleration setpoint",
+    requirements=("MC-568",),
+    tolerance="one change of the acceleration within the cycle or the two around it",
+    judge=_setpoint_velocity,
+    excused_by=("controller.",),
+    recovery_cycles=3,
+)
+
+
+def _valid_feedback(axis: AxisView) -> np.ndarray:
+    """Return the samples whose actual position goes on from the one before."""
+    valid = axis["communication_ok"] != 0 if axis.has("communication_ok") else np.ones(len(axis.time_s), bool)
+    events = axis.whole.events
+    moved = events.of(axis.name, "axis.homed", "axis.sensor", "axis.restart")
+    moved += events.of(axis.drive_name, "link.up", "link.down")
+    moved += events.all("controller.state")
+    valid &= ~spread(axis.in_states("restarting"), 1, 2)
+    return valid & ~axis.near(moved, 1, 2) & ~axis.gaps
+
+
+def _other_encoder(axis: AxisView) -> bool:
+    """Return whether the program uses several encoders: one may take over the position of another."""
+    started = axis.whole.events.of(axis.name, "job.started", "axis.sensor")
+    return any(
+        entry.kind == "axis.sensor" or entry.data.get("instruction") == "MC_SetSensor" for entry in started
+    )
+
+
+def _actual_velocity(axis: AxisView) -> Judged | None:
+    if not axis.has_position or not axis.has("actual_velocity", "state") or len(axis.time_s) < 3:
+        return None
+    if not axis.off("Sensor[1].ActualVelocityMode") or not axis.off("Sensor[1].Backlash.Enable"):
+        return None
+    if _other_encoder(axis):
+        return None
+    s, v = axis["actual_position"], axis["actual_velocity"]
+    valid = last_true(_valid_feedback(axis), 2)
+    rate = np.diff(s, prepend=s[0]) / axis.cycle_s
+    off = np.abs(rate - v)
+    bound = _ROUNDING * (np.abs(s) / axis.cycle_s + np.abs(v) + 1.0)
+    unit = axis.unit("actual_velocity")
+    return Judged(
+        axis.time_s,
+        valid,
+        valid & (off > bound),
+        lambda at: f"{v[at]:.6g} {unit}, but the position changes by {rate[at]:.6g} {unit}",
+    )
+
+
+ACTUAL_VELOCITY: Final = Rule(
+    name="actual velocity",
+    says="the actual velocity is the difference of two actual positions by the cycle",
+    requirements=("CFG-336",),
+    tolerance="none but rounding; without the velocity of the telegram, and without compensation of backlash",
+    judge=_actual_velocity,
+    excused_by=("encoder.", "telegram.", "controller."),
+    recovery_cycles=3,
+)
+
+
+def _following_error(axis: AxisView) -> Judged | None:
+    columns = ("position_setpoint", "actual_position", "following_error", "status_word", "state", "stw1")
+    if not axis.has(*columns):
+        return None
+    delay_s = axis.number("delay_s")
+    more = axis.number_over_time("FollowingError.AdditionalSetpointDelayTime")
+    if delay_s is None or more is None or axis.restarted or not len(more) or more.max() != more.min():
+        return None
+    cycles = (delay_s + float(more[0])) / axis.cycle_s
+    whole = int(cycles + 1e-9)
+    rest = max(0.0, cycles - whole)
+    if len(axis.time_s) < whole + 4:
+        return None
+    s, actual, error = (axis[column] for column in columns[:3])
+    led = axis.in_states(*CONTROLLED) & ~axis.bit(28) & (axis.word("stw1") & 1 != 0)
+    events = axis.whole.events
+    led &= ~axis.near(
+        events.of(axis.name, "axis.state", "axis.homed", "axis.sensor", "job.active", "alarm.raised"), 1, 1
+    )
+    led &= ~axis.gaps
+    judged = last_true(led, whole + 3)
+    delayed = np.full(len(s), np.nan)
+    delayed[whole:] = s[: len(s) - whole]
+    if rest:
+        delayed[whole + 1 :] += (s[: len(s) - whole - 1] - delayed[whole + 1 :]) * rest
+    expected = delayed - actual
+    off = np.abs(error - expected)
+    unit = axis.unit("following_error")
+    return Judged(
+        axis.time_s,
+        judged,
+        judged & (off > _ROUNDING * (1.0 + np.abs(s)) * 10.0),
+        lambda at: (
+            f"{error[at]:.6g} {unit}, but setpoint and actual position are {expected[at]:.6g} {unit} apart"
+        ),
+    )
+
+
+FOLLOWING_ERROR: Final = Rule(
+    name="following error",
+    says="the following error is the setpoint of the transport delay ago minus the actual position",
+    requirements=("MON-030", "MON-033"),
+    tolerance="none but rounding",
+    judge=_following_error,
+    excused_by=("controller.",),
+    recovery_cycles=10,
+)
+
+
+def _increment(axis: AxisView) -> float | None:
+    """Return the way of a raw increment by the numbers of the bench, signed; None where the encoder is not
+    that of the motor.
+    """
+    number = axis.number
+    if axis.whole.numbers.get(f"{axis.name}.encoder_of_drive") != 1.0:
+        return None
+    if number("Sensor[1].MountingMode") != 0 or number("Sensor[1].System") != 1:
+        return None
+    names = (
+        "Sensor[1].Parameter.StepsPerRevolution",
+        "Sensor[1].Parameter.FineResolutionXist1",
+        "LoadGear.Numerator",
+        "LoadGear.Denominator",
+        "Sensor[1].InverseDirection",
+    )
+    known = [one for one in map(number, names) if one is not None]
+    way = _way_per_revolution(axis)
+    if len(known) < len(names) or way is None:
+        return None
+    steps, fine, motor, load, inverse = known
+    size: float = way * (load or 1.0) / (motor or 1.0) / (steps * 2.0**fine)
+    return -size if inverse else size
+
+
+def _way_per_revolution(axis: AxisView) -> float | None:
+    """Return the way of a revolution of the load: of a screw its lead, of a turning axis 360 degrees."""
+    kind = axis.number("Properties.MotionType")
+    if kind == 0:
+        return axis.number("Mechanics.LeadScrew")
+    return 360.0 if kind == 1 and axis.unit("actual_position") in ("°", "deg") else None
+
+
+def _telegram_count(axis: AxisView) -> tuple[Numbers, Numbers] | None:
+    """Return times and values of the encoder count that the drive has sent."""
+    drive = axis.drive
+    if drive is None or drive.node is None:
+        return None
+    bus, node = drive.node
+    frames = axis.whole.frames
+    if drive.number("cia402") is not None:
+        found = frames.of(bus, 0x180 + node)
+        rows = found.of_length(8)
+        if rows is None:
+            return None
+        return found.time_s, rows[:, 2:6].copy().view("<i4")[:, 0].astype(np.float64)
+    return None
+
+
+def _own_encoder(axis: AxisView) -> Judged | None:
+    if not axis.has("actual_position", "communication_ok", "state"):
+        return None
+    increment, counts = _increment(axis), _telegram_count(axis)
+    if increment is None or counts is None or not len(counts[0]):
+        return None
+    if _other_encoder(axis) or not axis.off("Sensor[1].Backlash.Enable"):
+        return None
+    times, values = counts
+    latest = np.searchsorted(times, axis.time_s - 1e-9, side="right") - 1
+    known = latest >= 0
+    count = values[np.maximum(latest, 0)]
+    step = np.diff(count, prepend=count[0])
+    step = (step + 2.0**31) % 2.0**32 - 2.0**31
+    s = axis["actual_position"]
+    moved = np.diff(s, prepend=s[0])
+    valid = last_true(_valid_feedback(axis) & known & ~axis.simulated, 2)
+    expected = step * increment
+    unit = axis.unit("actual_position")
+    return Judged(
+        axis.time_s,
+        valid,
+        valid & (np.abs(moved - expected) > _ROUNDING * (np.abs(s) + 1.0)),
+        lambda at: (
+            f"it moves by {moved[at]:.6g} {unit} in a cycle, the encoder of {axis.drive_name} by "
+            f"{expected[at]:.6g} {unit}"
+        ),
+    )
+
+
+OWN_ENCODER: Final = Rule(
+    name="actual position",
+    says="the actual position moves as the encoder count that its own drive has sent, by the bench file",
+    requirements=("CFG-336", "LIM-098"),
+    tolerance="none but rounding: what is sent until the cycle counts in it",
+    judge=_own_encoder,
+    excused_by=("controller.", "encoder.", "telegram."),
+    recovery_cycles=4,
+)
+
+
+AXIS_RULES: Final[tuple[Rule[AxisView], ...]] = (
+    SETPOINT_POSITION,
+    SETPOINT_VELOCITY,
+    ACTUAL_VELOCITY,
+    FOLLOWING_ERROR,
+    OWN_ENCODER,
+)
