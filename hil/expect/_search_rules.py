@@ -212,7 +212,7 @@ def check_comes_up(trace: Trace) -> list[Check]:
         alarms = [
             entry
             for entry in trace.select(source=axis, kind="alarm.raised")
-            if entry.time_ns * 1e-9 < min(up_s, other_s)
+            if entry.time_ns * 1e-9 < min(up_s, other_s) and entry.data.get("reaction") != 0
         ]
         bound_s = begin_s + _UP_S + _UP_CYCLES * trace.constants.get(f"{axis}.cycle_s", 0.004)
         problem = None

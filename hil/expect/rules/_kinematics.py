@@ -70,6 +70,8 @@ def _setpoint_velocity(axis: AxisView) -> Judged | None:
     columns = ("velocity_setpoint", "acceleration_setpoint", "status_word", "state")
     if not axis.has(*columns) or len(axis.time_s) < 4:
         return None
+    if axis.ratio > 1 and not axis.has_position:
+        return None  # between cycles of the interpolator its velocities lie on a line
     cycle_s = axis.cycle_s
     v, a = (axis[column] for column in columns[:2])
     own = _own_setpoints(axis)
@@ -77,6 +79,12 @@ def _setpoint_velocity(axis: AxisView) -> Judged | None:
     judged[:-1] &= own[1:]
     judged[-1] = False
     low, high = np.minimum(a[1:], a[:-1]) * cycle_s, np.maximum(a[1:], a[:-1]) * cycle_s
+    for step in range(1, axis.ratio):
+        # Between the cycles of the interpolator the acceleration stands.
+        low[step:] = np.minimum(low[step:], low[:-step])
+        high[step:] = np.maximum(high[step:], high[:-step])
+        low[:-step] = np.minimum(low[:-step], low[step:])
+        high[:-step] = np.maximum(high[:-step], high[step:])
     gained = np.diff(v)
     # A ramp that begins and ends within two cycles shows in the neighbours.
     calm = np.abs(np.diff(a, prepend=a[0])) * cycle_s
