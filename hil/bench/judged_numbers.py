@@ -147,7 +147,7 @@ def numbers_of_drive(section: DriveTable, bench: BenchTable) -> dict[str, float]
     if machine is not None and section.device == "emulated":
         numbers |= {
             "lead_m": machine.lead_screw_mm / 1000.0,
-            "gear_ratio": machine.gear_ratio,
+            "gear_ratio": -machine.gear_ratio if machine.reversed else machine.gear_ratio,
             "backlash_m": machine.backlash_mm / 1000.0,
         }
         stops_mm = {"negative_stop": machine.negative_stop_mm, "positive_stop": machine.positive_stop_mm}

@@ -36,7 +36,7 @@ def _way_of_velocity(drive: DriveView) -> Judged | None:
     bound = cycle_s * (0.75 * around + 0.001 * np.abs(v) + 5e-4) + 1e-9 + 1e-12 * np.abs(p)
     steps, lead_m = drive.number("increments_per_revolution"), drive.number("lead_m")
     if steps and lead_m and not drive.has("velocity_demand"):
-        bound += 1.1 * lead_m / (drive.number("gear_ratio") or 1.0) / steps
+        bound += 1.1 * lead_m / abs(drive.number("gear_ratio") or 1.0) / steps
     judged = _steady_grid(drive)
     if drive.has("brake_closed"):
         closed = drive["brake_closed"]

@@ -28,6 +28,7 @@ _SHOWN_BY_FAULTS: Final = (
 _WARNING: Final = 1 << 7
 _VOLTAGE: Final = 1 << 4
 _REMOTE: Final = 1 << 9
+_LIMITED: Final = 1 << 11
 
 
 def _warned(drive: DriveView) -> tuple[Flags, Flags]:
@@ -178,6 +179,7 @@ def _follows_bit(drive: DriveView) -> Judged | None:
     opening_s = drive.number("brake_opening_s") or 0.0
     if opening_s:
         led = last_true(led, int(np.ceil(opening_s / drive.whole.cycle_s)) + 2)
+    led &= word & _LIMITED == 0
     follows = word & 1 << 12 != 0
     idle = drive.in_states(
         "switch_on_disabled", "ready_to_switch_on", "switched_on", "fault", "fault_reaction_active"
@@ -195,7 +197,7 @@ def _follows_bit(drive: DriveView) -> Judged | None:
 
 FOLLOWS_BIT: Final = Rule(
     name="bits of the mode in 6041h",
-    says="in csv bit 12 is set while the drive follows, and without operation bits 8, 10 and 12 to 15 are 0",
+    says="in csv bit 12 is set while the drive follows without a limit, and without operation bits 8, 10 and 12 to 15 are 0",
     requirements=("C402-042", "C402-046", "C402-048", "C402-102"),
     tolerance="two cycles, and the opening time of the brake",
     judge=_follows_bit,

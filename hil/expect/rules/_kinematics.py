@@ -23,7 +23,7 @@ def _own_setpoints(axis: AxisView) -> np.ndarray:
     events = axis.whole.events
     starts = events.of(axis.name, "axis.state", "axis.homed", "axis.sensor", "alarm.raised")
     starts += events.of(axis.name, "job.active", "job.done", "job.aborted", "job.error")
-    return own & ~axis.near(starts, 1, axis.ratio) & ~axis.gaps
+    return own & ~axis.near(starts, 1, 2 * axis.ratio - 1) & ~axis.gaps
 
 
 def _setpoint_position(axis: AxisView) -> Judged | None:
@@ -79,7 +79,7 @@ def _setpoint_velocity(axis: AxisView) -> Judged | None:
     judged[:-1] &= own[1:]
     judged[-1] = False
     low, high = np.minimum(a[1:], a[:-1]) * cycle_s, np.maximum(a[1:], a[:-1]) * cycle_s
-    for step in range(1, axis.ratio):
+    for step in range(1, 2 * axis.ratio - 1):
         # Between the cycles of the interpolator the acceleration stands.
         low[step:] = np.minimum(low[step:], low[:-step])
         high[step:] = np.maximum(high[step:], high[:-step])
@@ -145,7 +145,9 @@ def _actual_velocity(axis: AxisView) -> Judged | None:
     valid = last_true(_valid_feedback(axis), 2)
     rate = np.diff(s, prepend=s[0]) / axis.cycle_s
     off = np.abs(rate - v)
-    bound = _ROUNDING * (np.abs(s) / axis.cycle_s + np.abs(v) + 1.0)
+    # Of a count of 32 bits the last digits of the position are rounded, whatever the position is.
+    rounded = abs(_increment(axis) or 0.0) * 2.0**-16 / axis.cycle_s
+    bound = _ROUNDING * (np.abs(s) / axis.cycle_s + np.abs(v) + 1.0) + 1e-5 * np.abs(v) + rounded
     unit = axis.unit("actual_velocity")
     return Judged(
         axis.time_s,

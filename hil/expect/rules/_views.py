@@ -146,6 +146,10 @@ class TraceView:
                 found.append((source, begun.pop(source), now_s, BOOT))
         return found + [(source, begin_s, _ENDLESS, BOOT) for source, begin_s in begun.items()]
 
+    def boots(self, drive: str) -> list[float]:
+        """Return when a drive has begun to start anew, s; its first start is before the trace."""
+        return [begin_s for source, begin_s, _, kind in self._faults if source == drive and kind == BOOT]
+
     def excuses(self, own: Iterable[str]) -> Excuses:
         """Return the faults that hit one of these parts, or what all parts share: a bus, the controller."""
         parts = set(own)
