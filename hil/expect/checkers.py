@@ -373,11 +373,8 @@ ALWAYS_ON: Final[tuple[Checker, ...]] = (
     check_profidrive_sign_of_life,
     check_log_words,
     check_log_signs_of_life,
-<<<<<<< HEAD
     check_synchronous_operation,
-=======
     judge,
->>>>>>> e16b26a (Fifty rules that know physics and protocol judge every trace; each is shown to fire)
 )
 """The checkers that judge every case."""
 

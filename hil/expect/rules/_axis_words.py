@@ -12,12 +12,12 @@ from hil.expect.rules._definition import Flags, Judged, Rule, spread
 from hil.expect.rules._views import CONTROLLED, AxisView
 
 _RESERVED: Final[Mapping[str, int]] = {
-    "status_word": 1 << 19 | 1 << 20 | 1 << 24,
-    "status_word2": ~(1 << 0 | 1 << 2 | 1 << 6 | 1 << 7) & 0xFFFF_FFFF,
+    "status_word": 1 << 19 | 1 << 20,
+    "status_word2": 0xFFFF_FF00,
     "error_word": ~0xFFBF & 0xFFFF_FFFF,
-    "warning_word": ~(1 << 1 | 1 << 3 | 1 << 6 | 1 << 11 | 1 << 15) & 0xFFFF_FFFF,
+    "warning_word": ~(1 << 1 | 1 << 3 | 1 << 6 | 1 << 11 | 1 << 14 | 1 << 15) & 0xFFFF_FFFF,
 }
-"""Bits without a meaning, which read 0; those of synchronous operation are left out (VAR-060)."""
+"""Bits without a meaning, which read 0; those of synchronous operation have one (VAR-060)."""
 _ERROR_BITS: Final[Mapping[int, tuple[int, ...]]] = {
     0: (201, 202, 203, 204),
     1: (101, 104, 105, 106, 107, 108, 109, 114, 343),

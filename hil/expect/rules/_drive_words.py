@@ -197,7 +197,7 @@ def _follows_bit(drive: DriveView) -> Judged | None:
 
 FOLLOWS_BIT: Final = Rule(
     name="bits of the mode in 6041h",
-    says="in csv bit 12 is set while the drive follows without a limit, and without operation bits 8, 10 and 12 to 15 are 0",
+    says="in csv bit 12 is set while the drive follows; without operation bits 8, 10, 12 to 15 are 0",
     requirements=("C402-042", "C402-046", "C402-048", "C402-102"),
     tolerance="two cycles, and the opening time of the brake",
     judge=_follows_bit,

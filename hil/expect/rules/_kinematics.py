@@ -15,11 +15,12 @@ _ROUNDING: Final = 1e-9
 
 def _own_setpoints(axis: AxisView) -> np.ndarray:
     """Return the samples in which the axis makes a smooth setpoint: none that begins from actual values, is
-    given by the user program, or follows a shift of the coordinates.
+    given by the user program or a leading value, or follows a shift of the coordinates.
     """
     own = axis.in_states(*CONTROLLED) & ~axis.bit(31) & ~axis.bit(28)
+    own &= ~axis.bit(21) & ~axis.bit(22)
     if axis.has("status_word2"):
-        own &= ~axis.bit(6, "status_word2")
+        own &= ~axis.bit(6, "status_word2") & ~axis.bit(1, "status_word2")
     events = axis.whole.events
     starts = events.of(axis.name, "axis.state", "axis.homed", "axis.sensor", "alarm.raised")
     starts += events.of(axis.name, "job.active", "job.done", "job.aborted", "job.error")

@@ -131,7 +131,7 @@ EDITS: Final[Mapping[str, _Edit]] = {
     "deceleration of stops": _Edit("axis1.acceleration_setpoint", _times(0.9)),
     "speed setpoint on the bus": _Edit("axis1.speed_output", _times(-1.0)),
     "actual speed": _Edit("axis1.actual_speed", _times(1.01)),
-    "reserved bits": _Edit("axis1.status_word", _bits(1 << 24)),
+    "reserved bits": _Edit("axis1.status_word", _bits(1 << 19)),
     "motion bits": _Edit("axis1.status_word", _bits(flip=1 << 13 | 1 << 14)),
     "standstill bit": _Edit("axis1.status_word", _bits(1 << 7)),
     "enable bit": _Edit("axis1.status_word", _bits(flip=1)),
