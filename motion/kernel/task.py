@@ -35,7 +35,7 @@ class Background(Protocol):
     """An object without inputs and outputs as the task calls it."""
 
     def cycle(self) -> None:
-        """Run one application cycle, after the axes."""
+        """Run one application cycle, before or after the axes."""
 
 
 A = TypeVar("A", bound=CyclicAxis)
@@ -77,6 +77,8 @@ class Task(Generic[A, E]):
         self.run_program = program
         self.axes: list[A] = []
         self.encoders: list[E] = []
+        self.received: list[Background] = []
+        """Objects that take values of other controllers over, before all others."""
         self.background: list[Background] = []
         """Objects without inputs and outputs, such as cams."""
         self.after_cycle: list[Callable[[], object]] = []
@@ -105,6 +107,8 @@ class Task(Generic[A, E]):
     def cycle_objects(self, *, servo_only: bool = False) -> None:
         """Run one cycle of the objects without the program; or their servo cycle alone."""
         self.cycles += 1
+        for one in self.received:
+            one.cycle()
         for encoder in self.encoders:
             encoder.cycle()
         if servo_only:

@@ -46,6 +46,7 @@ from motion.s7.instructions import (
     MC_TorqueRange,
     MC_WriteParameter,
 )
+from motion.s7.proxy import LeadingAxisProxy
 from motion.s7.start_interlock import StartInterlock
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ if TYPE_CHECKING:
     from motion.s7.variables import VariableStore
 
 _T = TypeVar("_T", bound=Instruction)
-_Object = TypeVar("_Object", bound=TechnologyAxis | ExternalEncoder)
+_Object = TypeVar("_Object", bound=TechnologyAxis | ExternalEncoder | LeadingAxisProxy)
 _INSTEAD: Final = {
     "enable": "power()",
     "disable": "power.set(Enable=False) of the instance power = axis.power()",
@@ -69,7 +70,9 @@ _INSTEAD: Final = {
 """What is meant by names that an axis does not have."""
 
 
-LeadingObject = Union["AxisHandle", "EncoderHandle", TechnologyAxis, ExternalEncoder]
+LeadingObject = Union[
+    "AxisHandle", "EncoderHandle", "ProxyHandle", TechnologyAxis, ExternalEncoder, LeadingAxisProxy
+]
 """What may lead a synchronous axis: a handle or the object itself."""
 
 
@@ -481,3 +484,11 @@ class EncoderHandle(_Handle[ExternalEncoder]):
         """Start `MC_WriteParameter`."""
         external: Any = self.object
         return self.run(MC_WriteParameter(external, Execute=True, ParameterNumber=number, Value=value))
+
+
+class ProxyHandle(_Handle[LeadingAxisProxy]):
+    """A leading-axis proxy: leads axes of its controller; see `AxisHandle`."""
+
+    def reset(self, *, restart: bool = False) -> MC_Reset:
+        """Start `MC_Reset`."""
+        return self.run(MC_Reset(self.object, Execute=True, Restart=restart))

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from motion.s7.axis import ExternalEncoder, TechnologyAxis
     from motion.s7.cams import Cam
     from motion.s7.instructions import Instruction
+    from motion.s7.proxy import LeadingAxisProxy, LeadingValueLink
 
 
 class Runtime:
@@ -65,6 +66,8 @@ class Runtime:
         self.encoders = self.task.encoders
         self.cams: list[Cam] = []
         """Cam technology objects."""
+        self.proxies: list[LeadingAxisProxy] = []
+        """Leading-axis proxies."""
         self.after_cycle = self.task.after_cycle
         """Called at the end of every application cycle (recorder, triggers)."""
         self.data_blocks = DataBlocks()
@@ -80,7 +83,13 @@ class Runtime:
             send_clock_ns=send_clock_ns or cycle_ns,
         )
         self.controller = Controller(
-            self.task, self.user_program, levels, self.data_blocks, history, cams=self.cams
+            self.task,
+            self.user_program,
+            levels,
+            self.data_blocks,
+            history,
+            cams=self.cams,
+            proxies=self.proxies,
         )
         """The CPU around this runtime: operating states and diagnostics buffer."""
         self.controller.on_warm_restart = self._forget_save
@@ -100,8 +109,18 @@ class Runtime:
         self.encoders.append(encoder)
         self._number(encoder)
 
-    def _number(self, one: TechnologyAxis | ExternalEncoder | Cam) -> None:
-        one.db_number = len(self.axes) + len(self.encoders) + len(self.cams)
+    def add_proxy(self, proxy: LeadingAxisProxy) -> None:
+        """Take a leading-axis proxy into the cycle, before the axes."""
+        self.proxies.append(proxy)
+        self.task.received.append(proxy)
+        self._number(proxy)
+
+    def send_leading_value(self, link: LeadingValueLink) -> None:
+        """Send a leading value at the end of every application cycle."""
+        self.after_cycle.append(link.send)
+
+    def _number(self, one: TechnologyAxis | ExternalEncoder | LeadingAxisProxy | Cam) -> None:
+        one.db_number = len(self.axes) + len(self.encoders) + len(self.cams) + len(self.proxies)
 
     def order_axes(self) -> None:
         """Call leading axes before those that follow them, so that all of a chain use the values of one cycle

@@ -24,7 +24,7 @@ from motion.s7.data._variables import (
     parameters_of,
     variables_of,
 )
-from motion.s7.units import unit_factors
+from motion.s7.units import UnitFactors, unit_factors
 
 if TYPE_CHECKING:
     from fieldbus.history import History
@@ -178,8 +178,14 @@ class VariableStore:
                 existent.cell.value = existent.start = number <= sensors
         if start_values:
             self._configure(start_values)
-        self.factors = unit_factors(
-            self.read_int, speed_axis=object_type == "SpeedAxis", encoder=object_type == "ExternalEncoder"
+        self.factors = (
+            unit_factors(
+                self.read_int,
+                speed_axis=object_type == "SpeedAxis",
+                encoder=object_type == "ExternalEncoder",
+            )
+            if "Units.VelocityUnit" in variables
+            else UnitFactors()
         )
         """What the units of the user program are within the runtime (CFG-072)."""
         for stored in variables.values():

@@ -47,6 +47,7 @@ class Controller:
             memory reset.
         history: Event log, or None.
         cams: Its cams.
+        proxies: Its leading-axis proxies.
 
     """
 
@@ -59,8 +60,10 @@ class Controller:
         history: History | None,
         *,
         cams: Sequence[Cam] = (),
+        proxies: Sequence[TechnologyObject] = (),
     ) -> None:
         self._cams = cams
+        self._proxies = proxies
         self._task = task
         self._program = program
         self.data_blocks = data_blocks
@@ -102,7 +105,7 @@ class Controller:
 
     @property
     def _objects(self) -> list[TechnologyObject | Cam]:
-        return [*self._task.encoders, *self._task.axes, *self._cams]
+        return [*self._proxies, *self._task.encoders, *self._task.axes, *self._cams]
 
     def diagnosis(self, newest: int = 20) -> ControllerDiagnosis:
         """Return what the controller says about itself now: `print(bench.controller.diagnosis().text())`.

@@ -84,6 +84,56 @@ SYN-041): name, data type, kind of unit, meaning.
 """
 
 
+_PROXY_BITS: Final = {
+    "0": "Control", "1": "Error", "2": "RestartActive", "3": "OnlineStartValuesChanged",
+    "4": "LeadingValueValid", "5": "LeadingValueModulo", "6": "LeadingAxisControl",
+}  # fmt: skip
+_PROXY_WORDS: Final = {
+    "0": "System", "1": "Config", "2": "User", "3": "CommandNotAccepted", "7": "Communication",
+}  # fmt: skip
+_LONGEST_DELAY: Final = 1e9
+_PROXY: Final = (
+    (["Position", "LREAL", "RON", "position", 0.0, None, None], "Leading position for the local followers."),
+    (["Velocity", "LREAL", "RON", "velocity", 0.0, None, None], "Leading velocity for the local followers."),
+    (
+        ["Acceleration", "LREAL", "RON", "acceleration", 0.0, None, None],
+        "Leading acceleration for the local followers.",
+    ),
+    (["Interface.AddressIn", "VREF", "RON", "address", 0, 0, 65535], "Input address of the telegram."),
+    (
+        ["Parameter.LocalLeadingValueDelayTime", "LREAL", "DIR", "time", 0.0, 0.0, _LONGEST_DELAY],
+        "Delay of the local follower that gives the leading value to a further controller.",
+    ),
+    (
+        ["Parameter.ToleranceTimeExternalLeadingValueInvalid", "LREAL", "DIR", "time", 0.0, 0.0, 1e12],
+        "Time without a valid external leading value until the alarm.",
+    ),
+    (
+        ["StatusExternalLeadingValue.ModuloLength", "LREAL", "RON", "position", 0.0, 0.0, 1e12],
+        "Modulo length of the external leading value.",
+    ),
+    (
+        ["StatusExternalLeadingValue.ModuloStartValue", "LREAL", "RON", "position", 0.0, *_POSITION_RANGE],
+        "Modulo start value of the external leading value.",
+    ),
+    (
+        ["StatusExternalLeadingValue.AdjustmentTime", "LREAL", "RON", "time", 0.0, *_POSITION_RANGE],
+        "Above 0 the external leading value is extrapolated by this time, below 0 interpolated.",
+    ),
+    (["StatusWord", "DWORD", "RON", "", 0, None, None, {"bits": _PROXY_BITS}], "Status."),
+    (["ErrorWord", "DWORD", "RON", "", 0, None, None, {"bits": _PROXY_WORDS}], "Errors."),
+    (["WarningWord", "DWORD", "RON", "", 0, None, None, {"bits": _PROXY_WORDS}], "Warnings."),
+    (["ErrorDetail.Number", "UDINT", "RON", "", 0, None, None], "Number of the alarm."),
+    (
+        ["ErrorDetail.Reaction", "DINT", "RON", "", 0, None, None],
+        "Its reaction: 0 none, 13 the leading value becomes invalid.",
+    ),
+)
+"""Variables of the leading-axis proxy, which the catalogue of axis functions does not have (SYN-395 to
+SYN-402), with their meaning.
+"""
+
+
 def _synchronous_rows() -> list[list[Any]]:
     return [
         [
@@ -153,6 +203,7 @@ def variable_texts(source: dict[str, Any]) -> dict[str, Any]:
         for name, entry in source["objects"].items()
     }
     texts["SynchronousAxis"] += _synchronous_texts()
+    texts["LeadingAxisProxy"] = [[row[0], text] for row, text in _PROXY]
     return texts
 
 
@@ -192,6 +243,7 @@ def variables(source: dict[str, Any]) -> dict[str, Any]:
         if name == "SynchronousAxis":
             rows += _synchronous_rows()
         objects[name] = {"inherits": entry["inherits"], "variables": rows}
+    objects["LeadingAxisProxy"] = {"inherits": None, "variables": [row for row, _ in _PROXY]}
     parameters = [
         {
             "number": entry["parameter_number"],

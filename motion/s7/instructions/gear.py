@@ -40,7 +40,7 @@ ALARM_NOT_HOMED: Final = 321
 _PROFILES: Final = {0: Entry.DYNAMIC, 1: Entry.ADVANCE, 3: Entry.SUBSEQUENT, 4: Entry.FROM_HERE}
 """`SyncProfileReference` of `MC_GearInPos` (SYN-151, SYN-350)."""
 _LARGEST: Final = (1 << 31) - 1
-LEADING_TYPES: Final = frozenset(("PositioningAxis", "ExternalEncoder"))
+LEADING_TYPES: Final = frozenset(("PositioningAxis", "ExternalEncoder", "LeadingAxisProxy"))
 """Types of the objects at the input `Master`."""
 
 

@@ -21,7 +21,7 @@ class MC_Reset(Instruction):
     """
 
     instruction = "MC_Reset"
-    object_types = ("SpeedAxis", "PositioningAxis", "ExternalEncoder", "Cam")
+    object_types = ("SpeedAxis", "PositioningAxis", "ExternalEncoder", "Cam", "LeadingAxisProxy")
     inputs: ClassVar[dict[str, float]] = {"Execute": False, "Restart": False}
     Execute: bool
     Restart: bool

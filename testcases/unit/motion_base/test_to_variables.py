@@ -18,7 +18,7 @@ class TestPaths:
 
     def test_types(self):
         """The object types are those of the variable catalogue."""
-        assert object_types() == TYPES
+        assert object_types() == (*TYPES, "LeadingAxisProxy")
 
     @pytest.mark.requirement("VAR-022", "VAR-024", "VAR-025")
     @pytest.mark.parametrize(
