@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from emulators.repetition import Repetition
-from fieldbus.can.frame import CanSegment
+from fieldbus.can.segment import CanSegment
 from fieldbus.canopen.dictionary import INTEGERS, Entry
 from fieldbus.canopen.eds import notes_of
 from fieldbus.canopen.object_table import STRING, VAR, Item, ObjectRow

@@ -69,13 +69,17 @@ class Scheduler(ABC):
     """Whether `now` follows the wall clock."""
 
     def __init__(self) -> None:
-        self.now: int = 0
-        """Present time, ns."""
+        self._now = 0
         self._heap: list[tuple[int, int, int, Timer]] = []
         self._next_sequence = count(1).__next__
         self._running = False
 
     # An entry is (due, priority, sequence, timer); sequence numbers are unique, so timers are never compared.
+
+    @property
+    def now(self) -> int:
+        """Present time, ns."""
+        return self._now  # a property, because the clock of a node calculates it
 
     def at(self, time_ns: int, callback: Callback, *, priority: int = 0) -> Timer:
         """Enter `callback` for `time_ns`.
@@ -84,10 +88,10 @@ class Scheduler(ABC):
             SchedulerError: `time_ns` is in the past (virtual time only; in real time it fires at once).
 
         """
-        if time_ns < self.now:
+        if time_ns < self._now:
             if not self.realtime:
-                raise SchedulerError(f"event at {time_ns} ns is before the present time {self.now} ns")
-            time_ns = self.now
+                raise SchedulerError(f"event at {time_ns} ns is before the present time {self._now} ns")
+            time_ns = self._now
         timer = Timer(time_ns, callback, priority)
         heappush(self._heap, (time_ns, priority, self._next_sequence(), timer))
         return timer
@@ -108,7 +112,7 @@ class Scheduler(ABC):
         """Enter `callback` for `delay_ns` (>= 0) from now."""
         if delay_ns < 0:
             raise SchedulerError(f"delay {delay_ns} ns is negative")
-        return self.at(self.now + delay_ns, callback, priority=priority)
+        return self.at(self._now + delay_ns, callback, priority=priority)
 
     def every(self, period_ns: int, callback: Callback, *, phase_ns: int = 0, priority: int = 0) -> Timer:
         """Call `callback` at every instant `k * period_ns + phase_ns` that is not before now.
@@ -124,7 +128,7 @@ class Scheduler(ABC):
             raise SchedulerError(f"period {period_ns} ns is not positive")
         if not 0 <= phase_ns < period_ns:
             raise SchedulerError(f"phase {phase_ns} ns is outside 0..{period_ns - 1} ns")
-        due = -(-(self.now - phase_ns) // period_ns) * period_ns + phase_ns
+        due = -(-(self._now - phase_ns) // period_ns) * period_ns + phase_ns
         timer = Timer(due, callback, priority, period_ns)
         heappush(self._heap, (due, priority, self._next_sequence(), timer))
         return timer
@@ -197,13 +201,13 @@ class VirtualScheduler(Scheduler):
 
     def post(self, callback: Callback) -> None:
         """Enter `callback` at the present instant; virtual time has no other threads."""
-        self.at(self.now, callback)
+        self.at(self._now, callback)
 
     @override
     def run_until(self, predicate: Callable[[], object], timeout_ns: int) -> bool:
         self._enter(timeout_ns)
         heap = self._heap
-        end = self.now + timeout_ns
+        end = self._now + timeout_ns
         asked = predicate is not _never
         try:
             if asked and predicate():
@@ -212,7 +216,7 @@ class VirtualScheduler(Scheduler):
                 due, priority, sequence, timer = heap[0]
                 if due > end:
                     break
-                self.now = due
+                self._now = due
                 if timer.cancelled:
                     heappop(heap)
                 else:
@@ -225,7 +229,7 @@ class VirtualScheduler(Scheduler):
                     timer.callback()
                 if asked and not (heap and heap[0][0] == due) and predicate():
                     return True
-            self.now = end
+            self._now = end
         finally:
             self._running = False
         return False
@@ -245,7 +249,7 @@ class RealtimeScheduler(Scheduler):
     def __init__(self, origin_ns: int | None = None) -> None:
         super().__init__()
         self.origin_ns = time.monotonic_ns() if origin_ns is None else origin_ns
-        self.now = max(0, time.monotonic_ns() - self.origin_ns)
+        self._now = max(0, time.monotonic_ns() - self.origin_ns)
         self._posted: deque[Callback] = deque()
         self._wake = Condition()
         self.worst_lateness_ns = 0
@@ -276,15 +280,15 @@ class RealtimeScheduler(Scheduler):
         # The clock runs on between runs: a delay must not start when the last run ended. Inside of a callback
         # `now` stands, as in virtual time.
         if not self._running:
-            self.now = max(self.now, time.monotonic_ns() - self.origin_ns)
+            self._now = max(self._now, time.monotonic_ns() - self.origin_ns)
 
     @override
     def run_until(self, predicate: Callable[[], object], timeout_ns: int) -> bool:
         self._enter(timeout_ns)
         heap = self._heap
         posted = self._posted
-        self.now = max(self.now, time.monotonic_ns() - self.origin_ns)
-        end = self.now + timeout_ns
+        self._now = max(self._now, time.monotonic_ns() - self.origin_ns)
+        end = self._now + timeout_ns
         asked = predicate is not _never
         try:
             if asked and predicate():
@@ -294,17 +298,17 @@ class RealtimeScheduler(Scheduler):
                 # the timed events from firing.
                 waiting = len(posted)
                 for _ in range(waiting):
-                    self.now = max(self.now, time.monotonic_ns() - self.origin_ns)
+                    self._now = max(self._now, time.monotonic_ns() - self.origin_ns)
                     posted.popleft()()
                 clock = time.monotonic_ns() - self.origin_ns
                 fired = bool(heap) and heap[0][0] <= clock and heap[0][0] <= end
                 if fired:
-                    self.now = max(self.now, clock)
+                    self._now = max(self._now, clock)
                     self._fire_instant(clock)
                 if asked and (waiting or fired) and predicate():
                     return True
                 if clock >= end and not (heap and heap[0][0] <= end):
-                    self.now = max(self.now, end)
+                    self._now = max(self._now, end)
                     return False
                 if waiting or fired:
                     continue

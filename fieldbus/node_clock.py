@@ -58,7 +58,8 @@ class NodeClock(Scheduler):
     # ---------------------------------------------------------------------------------------------------
 
     @property
-    def now(self) -> int:  # type: ignore[override]  # the base's is a plain attribute, which the bench keeps
+    @override
+    def now(self) -> int:
         """Present time of the node, ns."""
         return self.bench.now if self._straight else self.local(self.bench.now)
 

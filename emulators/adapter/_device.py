@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from emulators.adapter._slcan import ChannelState, SlcanAdapter, StatusFlag
-from fieldbus.can.frame import CanFrame, CanSegment
+from fieldbus.can.frame import CanFrame
+from fieldbus.can.segment import CanSegment
 from fieldbus.errors import BusError, ConfigurationError
 from fieldbus.history import History
 from fieldbus.pty_line import PtyLine

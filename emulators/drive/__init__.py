@@ -6,8 +6,10 @@ from emulators.drive.brake import HoldingBrake
 from emulators.drive.core import ServoCore, ServoTuning
 from emulators.drive.protection import WindowTimer
 from emulators.drive.ramp import PositionProfile, ProfileForm, RampShape
-from emulators.drive.supply import DcLink, SupplyConfig
-from emulators.drive.thermal import ThermalConfig, ThermalModel, ThermalNode
+from emulators.drive.supply import DcLink
+from emulators.drive.supply_config import SupplyConfig
+from emulators.drive.thermal import ThermalModel, ThermalNode
+from emulators.drive.thermal_config import ThermalConfig
 
 __all__ = [
     "DcLink",

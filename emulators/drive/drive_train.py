@@ -16,8 +16,8 @@ from emulators.drive.machine import (
     build_machine,
 )
 from emulators.drive.power_stage import PowerStage
-from emulators.drive.supply import SupplyConfig
-from emulators.drive.thermal import ThermalConfig
+from emulators.drive.supply_config import SupplyConfig
+from emulators.drive.thermal_config import ThermalConfig
 from emulators.drive.tuning import ServoTuning
 from emulators.encoder import RotaryEncoder
 from emulators.mechanics import AxisMechanics, SwitchModel

@@ -9,8 +9,10 @@ from __future__ import annotations
 from typing import Final
 
 from emulators.drive.core import ServoCore
-from emulators.drive.supply import DcLink, SupplyConfig
-from emulators.drive.thermal import ThermalConfig, ThermalModel, ThermalNode
+from emulators.drive.supply import DcLink
+from emulators.drive.supply_config import SupplyConfig
+from emulators.drive.thermal import ThermalModel, ThermalNode
+from emulators.drive.thermal_config import ThermalConfig
 from fieldbus.clock import S
 
 CYCLES: Final = 8

@@ -8,24 +8,20 @@ that no controller leads it any more.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final
-
-from annotated_types import Ge, Le
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from emulators.canopen_node import CanopenNode
-from emulators.checked_fields import check_fields
 from emulators.drive.emulated_drive import EmulatedDrive
-from emulators.drive.keys import BootKeys
 from emulators.drive.machine import LinearAxisConfig
 from emulators.drive.profidrive.canopen import objects
 from emulators.drive.profidrive.canopen.eds import EDS
-from emulators.drive.stepper import COLUMNS, StepperDrive, StepperDriveConfig
+from emulators.drive.stepper import COLUMNS, StepperDrive
+from emulators.drive.stepper_can_config import StepperNodeConfig
 from emulators.process_words import ProcessWords
 from emulators.trace import NMT_STATE, names_and_units, value_texts
-from fieldbus.can.frame import CanSegment
+from fieldbus.can.segment import CanSegment
 from fieldbus.canopen.nmt import NmtState
-from fieldbus.clock import MS, Scheduler, seconds_to_ns
+from fieldbus.clock import Scheduler, seconds_to_ns
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
 from fieldbus.profidrive import pto_telegram, telegram
@@ -36,27 +32,6 @@ if TYPE_CHECKING:
 
 _OWN_CLOCK_PRIORITY: Final = 2
 _COLUMNS: Final = (*COLUMNS, NMT_STATE)
-
-
-@dataclass(frozen=True, kw_only=True)
-class StepperNodeConfig(BootKeys):
-    """A pulse module on CANopen.
-
-    Args:
-        node_id: 1..127.
-        drive: Module, motor and machine.
-        cycle_ns: Bus cycle, ns.
-
-    """
-
-    node_id: Annotated[int, Ge(1), Le(127)] = 1
-    drive: StepperDriveConfig = field(default_factory=StepperDriveConfig)
-    cycle_ns: int = 4 * MS
-
-    def __post_init__(self) -> None:
-        check_fields(self, "drive")
-        if self.cycle_ns <= 0:
-            raise ConfigurationError("cycle_ns", self.cycle_ns, "> 0")
 
 
 class StepperCanDrive(EmulatedDrive):

@@ -7,7 +7,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from fieldbus.can.frame import CanSegment
+from fieldbus.can.segment import CanSegment
 from fieldbus.canopen.eds import shared_dictionary
 from fieldbus.canopen.slave import CanopenSlave
 from fieldbus.clock import Scheduler

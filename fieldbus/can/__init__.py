@@ -7,12 +7,13 @@ segment) and `fieldbus.can.export` (log files).
 
 from fieldbus.can.bitstream import BitError
 from fieldbus.can.confinement import ErrorCode, NodeState
-from fieldbus.can.frame import CanFrame, CanPort, CanSegment, FrameReceiver
+from fieldbus.can.frame import CanFrame, FrameReceiver
 from fieldbus.can.frame_log import LogEntry
 from fieldbus.can.hooks import FrameHook, HookResult
 from fieldbus.can.medium import CanMedium
 from fieldbus.can.port import MediumPort
 from fieldbus.can.registry import find_segment, register_segment
+from fieldbus.can.segment import CanPort, CanSegment
 from fieldbus.can.timing import arbitration_key, frame_bits, frame_time_ns, worst_case_bits
 
 __all__ = [

@@ -1,11 +1,8 @@
-"""CAN frames and the interface of a CAN segment, whatever carries it."""
+"""CAN frames."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import Protocol, runtime_checkable
-
-from fieldbus.clock import Scheduler
+from collections.abc import Callable
 
 
 class CanFrame:
@@ -59,50 +56,3 @@ class CanFrame:
 
 FrameReceiver = Callable[[CanFrame, int], None]
 """Called with a received frame and the time of its end, ns."""
-
-
-@runtime_checkable
-class CanPort(Protocol):
-    """One node's connection to a segment."""
-
-    name: str
-    online: bool
-    """False: the node neither sends, receives nor acknowledges (powered down or unplugged)."""
-
-    def send(self, frame: CanFrame) -> None:
-        """Queue `frame` for transmission; returns at once."""
-
-    def send_all(self, frames: Iterable[CanFrame]) -> None:
-        """Queue several frames, in their order."""
-
-    def detach(self) -> None:
-        """Leave the segment for good; queued frames are lost."""
-
-
-@runtime_checkable
-class CanSegment(Protocol):
-    """A CAN bus that devices attach to: virtual (`CanMedium`) or live (`LiveSegment`)."""
-
-    name: str
-    scheduler: Scheduler
-
-    @property
-    def bitrate(self) -> int | None:
-        """Bit rate, bit/s; None = not known."""
-
-    @property
-    def ports(self) -> Sequence[CanPort]:
-        """The attached nodes, in the order in which they came."""
-
-    def attach(self, name: str, receive: FrameReceiver, *, confirm: FrameReceiver | None = None) -> CanPort:
-        """Connect a node.
-
-        Args:
-            name: Its name, which no other node of the segment has.
-            receive: Called with every frame of the others, never with the node's own.
-            confirm: Called with every own frame that was sent.
-
-        Raises:
-            BusError: The name is taken.
-
-        """

@@ -23,11 +23,12 @@ from can.broadcastmanager import (
 )
 
 from fieldbus.can.confinement import ErrorCode, NodeState
-from fieldbus.can.frame import CanFrame, CanPort, CanSegment
+from fieldbus.can.frame import CanFrame
 from fieldbus.can.medium import CanMedium
 from fieldbus.can.message import error_message, status_message, to_frame, to_message
 from fieldbus.can.port import MediumPort
 from fieldbus.can.registry import find_segment
+from fieldbus.can.segment import CanPort, CanSegment
 from fieldbus.clock import S, Timer, seconds_to_ns
 from fieldbus.errors import BusError
 

@@ -8,7 +8,7 @@ from weakref import WeakValueDictionary
 from fieldbus.errors import BusError
 
 if TYPE_CHECKING:
-    from fieldbus.can.frame import CanSegment
+    from fieldbus.can.segment import CanSegment
 
 _segments: WeakValueDictionary[str, CanSegment] = WeakValueDictionary()
 

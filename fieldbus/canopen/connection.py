@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from fieldbus.can.frame import CanFrame, CanSegment, FrameReceiver
+from fieldbus.can.frame import CanFrame, FrameReceiver
 from fieldbus.can.port import MediumPort
+from fieldbus.can.segment import CanSegment
 
 DataCallback = Callable[[bytes, int], None]
 Remover = Callable[[], None]

@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import Final
 
-from fieldbus.can.frame import CanFrame, CanSegment
+from fieldbus.can.frame import CanFrame
+from fieldbus.can.segment import CanSegment
 from fieldbus.canopen.connection import BusConnection, DataCallback, Remover
 from fieldbus.canopen.nmt import COB_EMCY, COB_ERROR_CONTROL, COB_NMT, COB_SYNC, NmtCommand, NmtState
 from fieldbus.canopen.node import NodeUser, RemoteNode

@@ -22,7 +22,8 @@ from canopen.objectdictionary import ObjectDictionaryError
 from canopen.pdo import PdoMap
 from canopen.sdo.client import SdoClient
 
-from fieldbus.can.frame import CanFrame, CanSegment
+from fieldbus.can.frame import CanFrame
+from fieldbus.can.segment import CanSegment
 from fieldbus.canopen.virtual_time import EPOCH_S, virtual_time
 from fieldbus.clock import S, Scheduler, Timer, seconds_to_ns
 from fieldbus.errors import BusError

@@ -8,8 +8,9 @@ import os
 from collections.abc import Callable, Iterable
 from typing import Final
 
-from fieldbus.can.frame import CanFrame, CanPort
+from fieldbus.can.frame import CanFrame
 from fieldbus.can.port import MediumPort
+from fieldbus.can.segment import CanPort
 from fieldbus.canopen.lss import LssSlave
 from fieldbus.canopen.memory import ParameterFile
 from fieldbus.canopen.nmt import UNCONFIGURED

@@ -11,8 +11,9 @@ from collections.abc import Callable
 from enum import Enum
 from typing import TYPE_CHECKING, Final
 
-from fieldbus.can.frame import CanFrame, CanSegment
+from fieldbus.can.frame import CanFrame
 from fieldbus.can.port import MediumPort
+from fieldbus.can.segment import CanSegment
 from fieldbus.canopen.communication_errors import CollisionWatch, CommunicationErrors, check_behaviour
 from fieldbus.canopen.dictionary import ObjectValue
 from fieldbus.canopen.dispatch import Dispatcher, Route

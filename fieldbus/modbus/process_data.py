@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from struct import Struct
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from fieldbus.errors import ConfigurationError
 from fieldbus.modbus.codes import LIMITS, MOST_WRITTEN_WHEN_READING, Function
 from fieldbus.modbus.map_file import BlockFile, MapFile
 from fieldbus.modbus.pdu import Request
-
-if TYPE_CHECKING:
-    from fieldbus.profidrive import Telegram
+from fieldbus.profidrive import Telegram
 
 _READ: Final = int(Function.READ_HOLDING_REGISTERS)
 _WRITE: Final = int(Function.WRITE_MULTIPLE_REGISTERS)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from fieldbus.can.frame import CanSegment
+    from fieldbus.can.segment import CanSegment
     from fieldbus.clock import Scheduler
     from fieldbus.history import History
     from hil.bench.bench_config import BenchTable

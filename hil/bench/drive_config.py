@@ -43,8 +43,8 @@ from emulators.drive.positioner_config import PositionerSettings
 from emulators.drive.profidrive_settings import ProfidriveSettings
 from emulators.drive.pto_settings import PtoSettings
 from emulators.drive.safety_config import SafeMotionConfig
-from emulators.drive.supply import SupplyConfig
-from emulators.drive.thermal import ThermalConfig
+from emulators.drive.supply_config import SupplyConfig
+from emulators.drive.thermal_config import ThermalConfig
 from emulators.drive.tuning import ServoTuning
 from fieldbus.errors import ConfigurationError
 from fieldbus.node_clock import NodeClock
@@ -973,7 +973,8 @@ class ProfidriveModbusTable(_ProfidriveTable, ModbusKeys, BootKeys, frozen=True)
 
     def build(self, site: DeviceSite) -> ProfidriveModbusDrive:
         """Return the emulated drive, still switched off and on no bus."""
-        from emulators.drive.profidrive.modbus import ProfidriveModbusConfig, ProfidriveModbusDrive
+        from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
+        from emulators.drive.profidrive.modbus_config import ProfidriveModbusConfig
 
         config = ProfidriveModbusConfig(
             unit=max(self.unit, 1),  # over TCP it answers every unit
@@ -1129,7 +1130,8 @@ class _PulseTable(_NodeTable, frozen=True):
 
     def build(self, site: DeviceSite) -> StepperCanDrive:
         """Return the emulated module with its motor, still switched off."""
-        from emulators.drive.stepper_can import StepperCanDrive, StepperNodeConfig
+        from emulators.drive.stepper_can import StepperCanDrive
+        from emulators.drive.stepper_can_config import StepperNodeConfig
 
         node = StepperNodeConfig(
             node_id=self.node_id,

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from emulators.encoder.profidrive.can import ProfidriveCanEncoder
     from emulators.io import ModbusIoStation
     from emulators.station import CanopenDevice
-    from fieldbus.can.frame import CanSegment
+    from fieldbus.can.segment import CanSegment
     from fieldbus.canopen.nmt import NmtState
     from fieldbus.clock import Scheduler
     from fieldbus.history import History

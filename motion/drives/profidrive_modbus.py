@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 from typing_extensions import override
 
 from fieldbus.errors import ConfigurationError, HilError
-from fieldbus.modbus import ExceptionCode, Outcome
+from fieldbus.modbus import ExceptionCode, Outcome, ProcessDataRegisters
 from fieldbus.profidrive.words import ZSW1
 from motion.drives._ds47 import Ds47Reader
 from motion.drives._link import LinkConfig
@@ -31,7 +31,7 @@ from motion.drives.profidrive import ProfidrivePort, TelegramConfig
 if TYPE_CHECKING:
     from fieldbus.clock import Scheduler, Timer
     from fieldbus.history import History
-    from fieldbus.modbus import Job, ProcessDataRegisters, Request, Result
+    from fieldbus.modbus import Job, Request, Result
 
 _CONTROL_REQUESTED: Final = int(ZSW1.CONTROL_REQUESTED)
 _FAULT: Final = int(ZSW1.FAULT)

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Final, Protocol
 
+from motion.kernel.cell import Cell
+
 if TYPE_CHECKING:
-    from motion.kernel.cell import Cell
     from motion.kernel.modulo import Modulo
     from motion.kernel.servo_axis import ServoAxis
     from motion.kernel.torque_limits import TorqueLimits

@@ -56,7 +56,7 @@ class Violation(NamedTuple):
     """A start value that prevents a restart (alarm 101)."""
 
     path: str
-    value: object
+    value: float
     allowed: str
 
     def __str__(self) -> str:

@@ -49,7 +49,8 @@ class _Rig:
     def __init__(self, registers: str, telegram: int) -> None:
         from emulators.drive.machine import NO_SWITCHES, LinearAxisConfig
         from emulators.drive.profidrive import AxisState, DriveSettings, ProfidriveConfig
-        from emulators.drive.profidrive.modbus import ProfidriveModbusConfig, ProfidriveModbusDrive
+        from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
+        from emulators.drive.profidrive.modbus_config import ProfidriveModbusConfig
 
         self.scheduler = VirtualScheduler()
         config = ProfidriveConfig(

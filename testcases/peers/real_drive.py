@@ -12,7 +12,8 @@ from typing import Any
 
 from emulators.drive.profidrive import DriveSettings, ProfidriveConfig
 from emulators.drive.profidrive.config import POSITION_TELEGRAMS
-from emulators.drive.profidrive.modbus import ProfidriveModbusConfig, ProfidriveModbusDrive
+from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
+from emulators.drive.profidrive.modbus_config import ProfidriveModbusConfig
 from fieldbus.clock import MS, RealtimeScheduler, S
 from fieldbus.modbus import SocketNetwork
 

@@ -18,7 +18,7 @@ import pytest
 from emulators.drive.machine import NO_SWITCHES, LinearAxisConfig
 from emulators.drive.positioner_config import PositionerSettings
 from emulators.drive.profidrive.faults.catalogue import CATALOGUE
-from emulators.drive.profidrive.modbus import ProfidriveModbusConfig
+from emulators.drive.profidrive.modbus_config import ProfidriveModbusConfig
 from fieldbus.modbus import load_map
 from testcases.peers.real_drive import RealDrive, real_drive, slow_servo
 from testcases.processes import Reader, hil_command

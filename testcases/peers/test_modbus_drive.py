@@ -7,7 +7,7 @@ import time
 import pytest
 
 from emulators.drive.profidrive.faults import catalogue as numbers
-from emulators.drive.profidrive.modbus import ProfidriveModbusConfig
+from emulators.drive.profidrive.modbus_config import ProfidriveModbusConfig
 from testcases.peers.modbus_clients import CLIENTS, RefusedError
 from testcases.peers.real_drive import UNIT, real_drive, slow_servo
 

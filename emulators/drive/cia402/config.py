@@ -22,8 +22,8 @@ from emulators.drive.machine import (
     SwitchesConfig,
     check_number,
 )
-from emulators.drive.supply import SupplyConfig
-from emulators.drive.thermal import ThermalConfig
+from emulators.drive.supply_config import SupplyConfig
+from emulators.drive.thermal_config import ThermalConfig
 from fieldbus.clock import MS, US
 from fieldbus.errors import ConfigurationError
 

@@ -50,7 +50,7 @@ from emulators.drive.supply import DcLink
 from emulators.encoder import AbsoluteEncoder
 from emulators.repetition import Repetition
 from emulators.trace import NMT_STATE, SERVO, Column, names_and_units, servo_values, value_texts
-from fieldbus.can.frame import CanSegment
+from fieldbus.can.segment import CanSegment
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.canopen.nmt import NmtState
 from fieldbus.cia402 import DriveState, Mode

@@ -4,7 +4,8 @@ transport carries its telegrams.
 
 from __future__ import annotations
 
-from emulators.drive.profidrive.canopen.drive import ProfidriveCanDrive, ProfidriveNodeConfig
+from emulators.drive.profidrive.canopen.config import ProfidriveNodeConfig
+from emulators.drive.profidrive.canopen.drive import ProfidriveCanDrive
 from emulators.drive.profidrive.canopen.eds import EDS, EDS_PATH
 from emulators.drive.profidrive.canopen.sdo_parameters import ParameterWindow
 from emulators.drive.profidrive.config import AXIS_TELEGRAMS, DriveSettings, ProfidriveConfig

@@ -23,8 +23,8 @@ from emulators.drive.positioner_config import PositionerSettings
 from emulators.drive.profidrive_settings import ProfidriveSettings
 from emulators.drive.safety_config import SafeMotionConfig
 from emulators.drive.second_encoder_config import SecondEncoderConfig
-from emulators.drive.supply import SupplyConfig
-from emulators.drive.thermal import ThermalConfig
+from emulators.drive.supply_config import SupplyConfig
+from emulators.drive.thermal_config import ThermalConfig
 from emulators.encoder.profidrive import EncoderFormat
 from fieldbus.clock import MS, US
 from fieldbus.errors import ConfigurationError

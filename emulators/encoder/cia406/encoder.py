@@ -16,7 +16,7 @@ from emulators.encoder.cia406.config import EncoderDeviceConfig
 from emulators.encoder.cia406.eds import EDS
 from emulators.mechanics import DrivenShaft
 from emulators.trace import LOAD, NMT_STATE, Column, names_and_units, value_texts
-from fieldbus.can.frame import CanSegment
+from fieldbus.can.segment import CanSegment
 from fieldbus.canopen.nmt import NmtState
 from fieldbus.cia406 import EncoderAlarm, EncoderWarning, describe_flags
 from fieldbus.clock import MS, S, Scheduler

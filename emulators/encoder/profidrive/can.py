@@ -20,7 +20,7 @@ from emulators.encoder.profidrive.eds import EDS
 from emulators.encoder.profidrive.sensor import ProfidriveSensor
 from emulators.process_words import ProcessWords, SyncCycle
 from emulators.trace import LOAD, NMT_STATE, Column, names_and_units, value_texts
-from fieldbus.can.frame import CanSegment
+from fieldbus.can.segment import CanSegment
 from fieldbus.clock import MS, Scheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History

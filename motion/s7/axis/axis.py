@@ -1134,14 +1134,17 @@ class TechnologyAxis(TechnologyObject):
         return self.servo.modulo
 
 
+_SPEED_COLUMNS: Final = tuple(
+    (name, {"mm": "", "mm/s": "rpm", "mm/s2": "rpm/s"}.get(unit, unit)) for name, unit in TRACE_COLUMNS
+)
+
+
 class SpeedAxis(TechnologyAxis):
     """Speed axis: turns the load, has no position (`TO_SpeedAxis`)."""
 
     object_type = "SpeedAxis"
     kinds: ClassVar[tuple[str, ...]] = ("SpeedAxis",)
-    trace_columns = tuple(
-        (name, {"mm": "", "mm/s": "rpm", "mm/s2": "rpm/s"}.get(unit, unit)) for name, unit in TRACE_COLUMNS
-    )
+    trace_columns = _SPEED_COLUMNS
 
 
 class PositioningAxis(TechnologyAxis):

@@ -18,11 +18,11 @@ from motion.drives.port import (
     STW1_OPERATE,
     ZSW1,
 )
+from motion.kernel.cell import Cell
 from motion.s7.axis.state import DISABLING, DRIVE_EXPECTED_ON, AxisState
 
 if TYPE_CHECKING:
     from fieldbus.history import History
-    from motion.kernel.cell import Cell
     from motion.kernel.servo_axis import ServoAxis
     from motion.s7.axis.alarms import AxisAlarms
     from motion.s7.axis.motion import MotionControl

@@ -9,7 +9,7 @@ import pytest
 from canopen.profiles.p402 import BaseNode402
 
 from emulators.drive.cia402 import EDS_PATH, DriveConfig, EncoderConfig
-from emulators.drive.thermal import ThermalConfig
+from emulators.drive.thermal_config import ThermalConfig
 from fieldbus.canopen import NmtCommand, NmtState, PumpedNetwork, SdoAbort, virtual_time
 from fieldbus.cia402 import DriveState as S
 from fieldbus.clock import MS

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from emulators.drive.profidrive import DriveSettings, ProfidriveConfig
-from emulators.drive.profidrive.modbus import ProfidriveModbusConfig, ProfidriveModbusDrive
+from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
+from emulators.drive.profidrive.modbus_config import ProfidriveModbusConfig
 from fieldbus.clock import MS, S, VirtualScheduler
 from fieldbus.history import History
 from fieldbus.modbus import (

@@ -10,7 +10,8 @@ import pytest
 from emulators.drive.machine import SwitchesConfig
 from emulators.drive.profidrive import ProfidriveConfig
 from emulators.drive.profidrive.faults import catalogue as numbers
-from emulators.drive.profidrive.modbus import ProfidriveModbusConfig, ProfidriveModbusDrive
+from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
+from emulators.drive.profidrive.modbus_config import ProfidriveModbusConfig
 from fieldbus.clock import MS, US, S, VirtualScheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.modbus import Change, Outcome, Request, RtuClient, SerialFormat, SerialLine

@@ -8,7 +8,8 @@ import pytest
 
 from emulators.drive.profidrive import ProfidriveConfig
 from emulators.drive.profidrive.faults import catalogue as numbers
-from emulators.drive.profidrive.modbus import ProfidriveModbusConfig, ProfidriveModbusDrive
+from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
+from emulators.drive.profidrive.modbus_config import ProfidriveModbusConfig
 from fieldbus.clock import MS, US, S, VirtualScheduler
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from fieldbus.modbus import Outcome, Parity, Request, SerialFormat, SerialLine, TcpLink

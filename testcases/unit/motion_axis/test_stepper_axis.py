@@ -10,7 +10,8 @@ from emulators.drive.machine import NO_SWITCHES, LinearAxisConfig, SwitchesConfi
 from emulators.drive.profidrive.statemachine import AxisState
 from emulators.drive.pto_settings import PtoSettings
 from emulators.drive.stepper import StepperDriveConfig
-from emulators.drive.stepper_can import StepperCanDrive, StepperNodeConfig
+from emulators.drive.stepper_can import StepperCanDrive
+from emulators.drive.stepper_can_config import StepperNodeConfig
 from emulators.io.tm_pto import PtoConfig
 from fieldbus.can import CanMedium
 from fieldbus.canopen.master import CanopenMaster

@@ -8,27 +8,21 @@ of the same SYNC. A drive that is not isochronous makes its cycle by itself when
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
-
-from annotated_types import Ge, Le
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from emulators.canopen_node import CanopenNode
-from emulators.checked_fields import check_fields
-from emulators.drive.keys import BootKeys
 from emulators.drive.profidrive.bus_drive import DriveOnBus
 from emulators.drive.profidrive.canopen import objects
 from emulators.drive.profidrive.canopen.cia402_objects import Cia402Objects
+from emulators.drive.profidrive.canopen.config import ProfidriveNodeConfig
 from emulators.drive.profidrive.canopen.eds import EDS
 from emulators.drive.profidrive.canopen.sdo_parameters import ParameterObjects
-from emulators.drive.profidrive.config import ProfidriveConfig
 from emulators.drive.profidrive.faults import catalogue as numbers
 from emulators.drive.profidrive.faults.catalogue import Fault
 from emulators.drive.profidrive.statemachine import Off
 from emulators.process_words import ProcessWords, SyncCycle
 from emulators.trace import NMT_STATE, value_texts
-from fieldbus.can.frame import CanSegment
+from fieldbus.can.segment import CanSegment
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.canopen.nmt import NmtState
 from fieldbus.clock import Scheduler, seconds_to_ns
@@ -46,25 +40,6 @@ _LEFT_OPERATIONAL: Final = 0x8100
 """EMCY when the master has ended communication by NMT: no peer is missing, so it is not 8130h."""
 _REACTIONS: Final = {1: Off.OFF2, 2: Off.OFF2, 3: Off.OFF3}
 """6007h: 0 nothing, 1 fault, 2 pulses off, 3 quick stop (PD-345)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ProfidriveNodeConfig(BootKeys):
-    """A PROFIdrive axis on CANopen.
-
-    Args:
-        node_id: 1..127.
-        drive: The drive.
-        storage: File in which stored parameters outlive the process; None = they do not.
-
-    """
-
-    node_id: Annotated[int, Ge(1), Le(127)] = 1
-    drive: ProfidriveConfig = field(default_factory=ProfidriveConfig)
-    storage: Path | None = None
-
-    def __post_init__(self) -> None:
-        check_fields(self, "drive")
 
 
 class ProfidriveCanDrive(DriveOnBus):
