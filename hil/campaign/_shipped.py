@@ -70,6 +70,7 @@ SHIPPED: Final = (
     ShippedCampaign("monitoring", seeding=("reference",)),
     ShippedCampaign("control", seeding=("profidrive",)),
     ShippedCampaign("motion_in", seeding=("reference",)),
+    ShippedCampaign("encoders", seeding=("own",)),
     ShippedCampaign("external_encoder", seeding=(f"{PACKAGE}.external_encoder:REFERENCE",)),
     ShippedCampaign("commissioning", seeding=("reference",)),
     ShippedCampaign("stops_of_jobs", matrix=True),
