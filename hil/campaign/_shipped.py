@@ -29,7 +29,8 @@ class ShippedCampaign:
     demo: bool = False
     """Whether `hil demo` runs it."""
     seeding: tuple[str, ...] = ()
-    """Benches on which its cases judge seeded defects (`hil mutants`); `own`: the bench of each case."""
+    """Benches on which its cases judge seeded defects (`hil mutants`); `own`: the bench of each case;
+    `pairwise`: a configuration for each case."""
 
     @property
     def reference(self) -> str:
@@ -50,7 +51,7 @@ class ShippedCampaign:
 _BOTH: Final = ("reference", "profidrive")
 
 SHIPPED: Final = (
-    ShippedCampaign("stop_modes", demo=True, seeding=(*_BOTH, "analog", "stepper")),
+    ShippedCampaign("stop_modes", demo=True, seeding=(*_BOTH, "analog", "stepper", "pairwise")),
     ShippedCampaign("fault_reactions", demo=True, seeding=_BOTH),
     ShippedCampaign("drive_faults", demo=True, seeding=_BOTH),
     ShippedCampaign("telegram_faults", demo=True, seeding=("profidrive",)),
@@ -65,7 +66,7 @@ SHIPPED: Final = (
     ShippedCampaign("profidrive_words", seeding=("own",)),
     ShippedCampaign("profidrive_positioner", seeding=("own",)),
     ShippedCampaign("modbus_faults", seeding=("own",)),
-    ShippedCampaign("axis_motion", seeding=("own",)),
+    ShippedCampaign("axis_motion", seeding=("own", "pairwise")),
     ShippedCampaign("limits", seeding=("reference", "analog")),
     ShippedCampaign("monitoring", seeding=("reference",)),
     ShippedCampaign("control", seeding=("profidrive",)),

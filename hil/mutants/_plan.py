@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from itertools import zip_longest
+from typing import Final
 
 from hil.campaign import SHIPPED, Found, find_campaigns, load_bench_file
+from hil.configurations import name_of, plan
+from hil.configurations.factors import CONFIGURATION
 from hil.errors import CannotRunError
 from hil.mutants._mutant import Mutant
 from hil.protocols import kind_of
+
+PAIRWISE: Final = "pairwise"
+"""In place of a bench: each case on one of the configurations that serve it."""
+_CONFIGURATIONS: Final = 2
+"""Seed of these configurations."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +77,19 @@ def _shipped() -> Iterable[tuple[str, str]]:
 
 
 def _cases(found: Found, bench: str) -> Iterable[Judge]:
+    if bench == PAIRWISE:
+        return _on_configurations(found)
     return (Judge(case.identifier, found.reference, bench or case.bench) for case in found.campaign.cases)
+
+
+def _on_configurations(found: Found) -> Iterator[Judge]:
+    """Yield each case of a campaign on a configuration that serves it, as different ones as possible."""
+    cases = list(found.campaign.cases)
+    planned = plan([case.needs for case in cases], seed=_CONFIGURATIONS, each=1)
+    names = [name_of(row, _CONFIGURATIONS) for row in planned.rows]
+    for case, numbers in zip(cases, planned.drawn, strict=True):
+        for number in numbers:
+            yield Judge(case.identifier, found.reference, f"{CONFIGURATION}{names[number]}")
 
 
 def modules_of(judges: Iterable[Judge]) -> list[str]:

@@ -278,8 +278,15 @@ class SoftwareLimits:
         reaction = 1 if self._sw_reached.value == 1 else 2
         self._alarms.raise_alarm(ALARM_SOFTWARE_REACHED, reaction=reaction, info=2 if direction > 0.0 else 1)
         if self._states.state is AxisState.ALARM_RAMP and not stopping:
-            if at_once and motion.gen.a * direction > 0.0:
-                motion.gen.a = 0.0
+            gen = motion.gen
+            growth = gen.a * direction
+            # A job with a jerk limit that has superseded one without may leave more acceleration than there
+            # is way for: it ends as it began, at once.
+            too_much = growth > 0.0 and stop_distance(gen.v * direction, growth, deceleration, jerk) > (
+                (limit - gen.s) * direction + _PASSED_TOLERANCE
+            )
+            if too_much or (at_once and growth > 0.0):
+                gen.a = 0.0
             motion.gen.start_position(limit, abs(motion.gen.v) or _CREEP, deceleration, deceleration, jerk)
 
     def shift(self) -> None:

@@ -426,6 +426,46 @@ def test_no_order_of_jobs_passes_a_software_limit(acts, jerk):
     assert not raised(rig, 534)
 
 
+@pytest.mark.exhaustive
+@pytest.mark.requirement("LIM-075")
+@settings(max_examples=30)
+@given(
+    jobs=st.lists(
+        st.tuples(
+            st.integers(1, 150),
+            st.floats(30.0, 490.0),
+            st.sampled_from([200.0, 2000.0]),
+            st.sampled_from([50.0, 130.0, 2000.0]),
+            st.sampled_from([0.0, 5000.0, 8000.0]),
+        ),
+        min_size=2,
+        max_size=4,
+    )
+)
+@example(
+    jobs=[
+        (50, 75.4, 2000.0, 2000.0, 8000.0),
+        (22, 368.4, 2000.0, 130.0, 0.0),
+        (7, 413.2, 200.0, 50.0, 8000.0),
+    ]
+)
+@example(jobs=[(100, 200.5, 1000.0, 50.0, 0.0), (100, 401.0, 2000.0, 50.0, 0.0)])
+def test_jobs_of_other_dynamics_end_on_a_software_limit(jobs):
+    """Whatever velocity, dynamics and jerk a job has that supersedes another one: the stop with the greatest
+    values ends on the limit.
+    """
+    rig = Rig(variables=SOFT | {"VirtualAxis.Mode": 1, "FollowingError.EnableMonitoring": False}).enabled()
+    rig.until(rig.axis.home(0.0).done)
+    rig.cycles(1)
+    for cycles, velocity, acceleration, deceleration, jerk in jobs:
+        rig.axis.move_velocity(velocity, Acceleration=acceleration, Deceleration=deceleration, Jerk=jerk)
+        rig.cycles(cycles)
+    rig.until(lambda: rig.axis.state is S.ALARM_STANDSTILL)
+    rig.cycles(2)
+    assert max(rig.column("position_setpoint")) == pytest.approx(100.0, abs=1e-6)
+    assert raised(rig) == [(533, 2)]
+
+
 SWITCHING = st.one_of(
     st.tuples(st.just("velocity"), VELOCITIES),
     st.tuples(st.just("superimposed"), st.sampled_from([-50.0, 50.0])),
