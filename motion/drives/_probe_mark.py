@@ -17,11 +17,13 @@ if TYPE_CHECKING:
 
 _FUNCTION: Final = 0x60B8
 _STATUS: Final = 0x60B9
-_POSITION: Final = 0x60BA
 _OFF: Final = bytes(2)
-_ON_INDEX: Final = (0x0015).to_bytes(2, "little")
-"""Probe 1 on, first event, source index, positive edge."""
-_STORED: Final = 0x0002
+INDEX: Final = (0x0015, 0x60BA, 0x0002)
+INPUT_RISES: Final = (0x0011, 0x60BA, 0x0002)
+INPUT_FALLS: Final = (0x0021, 0x60BB, 0x0004)
+"""What latches: value of 60B8h (probe 1 on, first event, source and edge), object of the position, bit of
+60B9h that says that it is there.
+"""
 
 
 class ProbeMarkSearch(MarkSearch):
@@ -30,16 +32,21 @@ class ProbeMarkSearch(MarkSearch):
     Args:
         master: The controller's CANopen services on the segment of the drive.
         node_id: The drive.
+        event: `INDEX`, `INPUT_RISES` or `INPUT_FALLS`.
 
     """
 
-    def __init__(self, master: CanopenMaster, node_id: int) -> None:
+    def __init__(self, master: CanopenMaster, node_id: int, event: tuple[int, int, int] = INDEX) -> None:
         super().__init__()
         self._master = master
         self._node_id = node_id
+        function, self._position, self._stored = event
+        self._on = function.to_bytes(2, "little")
         self._generation = 0
         self.waiting = False
         """The probe is on, and no answer is on its way."""
+        self.on_begin: Callable[[ProbeMarkSearch], object] | None = None
+        """Called when it begins to look."""
         self.convert: Callable[[int], int] | None = None
         """Returns the encoder, increments, at a position of the drive; None: that is the same."""
 
@@ -47,6 +54,8 @@ class ProbeMarkSearch(MarkSearch):
         self._generation += 1
         self.waiting = False
         mine = self._generation
+        if self.on_begin is not None:
+            self.on_begin(self)
 
         def switched_on(job: SdoJob) -> None:
             if mine != self._generation:
@@ -59,7 +68,7 @@ class ProbeMarkSearch(MarkSearch):
 
         client = self._master.sdo(self._node_id)
         client.download(_FUNCTION, 0, _OFF)
-        client.download(_FUNCTION, 0, _ON_INDEX, switched_on)
+        client.download(_FUNCTION, 0, self._on, switched_on)
 
     def _end(self) -> None:
         self._generation += 1
@@ -77,8 +86,8 @@ class ProbeMarkSearch(MarkSearch):
                 return
             if not job.ok:
                 self._fail()
-            elif job.value & _STORED:
-                client.upload(_POSITION, 0, read)
+            elif job.value & self._stored:
+                client.upload(self._position, 0, read)
             else:
                 self.waiting = True
 

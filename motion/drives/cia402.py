@@ -28,7 +28,7 @@ from motion.drives._canopen import (
 )
 from motion.drives._link import LinkedPort
 from motion.drives._max_torque import MaxTorque
-from motion.drives._probe_mark import ProbeMarkSearch
+from motion.drives._probe_mark import INPUT_FALLS, INPUT_RISES, ProbeMarkSearch
 from motion.drives.cia402_negotiation import Negotiation
 from motion.drives.cia402_plan import (
     CONTROL,
@@ -129,6 +129,7 @@ class Cia402Port(LinkedPort):
         "_max_torque",
         "_probe",
         "_rpdo1_id",
+        "_searches",
         "_seen_tpdo1",
         "_sent",
         "_state_of_word",
@@ -164,6 +165,11 @@ class Cia402Port(LinkedPort):
         self._max_torque = MaxTorque(master, node, self._limit_refused)
         self._probe = ProbeMarkSearch(master, node)
         self.mark = self._probe
+        rises, falls = (ProbeMarkSearch(master, node, event) for event in (INPUT_RISES, INPUT_FALLS))
+        self.latches = rises, falls
+        self._searches = self._probe, rises, falls
+        for search in self._searches:
+            search.on_begin = self._look_at
         self._config = config
         self._mapped: MappedData | None = None
         self._subscriptions: list[Callable[[], None]] = []
@@ -175,6 +181,14 @@ class Cia402Port(LinkedPort):
                 config.plan, plan_again=config.plan_again, setup_of=self._setup, take=self._use
             )
 
+    def _convert(self, convert: Callable[[int], int] | None) -> None:
+        for search in self._searches:
+            search.convert = convert
+
+    def _look_at(self, search: ProbeMarkSearch) -> None:
+        """Look at a search from now on: they share the touch probe of the drive."""
+        self._probe = search
+
     def _use(self, plan: DrivePlan) -> None:
         """Exchange process data with the drive as a plan says."""
         for remove in self._subscriptions:
@@ -182,11 +196,11 @@ class Cia402Port(LinkedPort):
         subscribe, node = self._master.subscribe, self.node_id
         self.has_torque_reduction = plan.limits_torque
         self._mapped = None
-        self._probe.convert = None
+        self._convert(None)
         if plan.receive:
             self._mapped = mapped = MappedData(self._master, plan, self._config)
             self.brings_speed = mapped.brings_speed
-            self._probe.convert = mapped.increments_at
+            self._convert(mapped.increments_at)
             self._subscriptions = [subscribe(use.cob_id, mapped.receiver(use)) for use in plan.transmit]
         else:
             self._subscriptions = [

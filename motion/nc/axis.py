@@ -49,6 +49,7 @@ from motion.nc.motion import Motion
 from motion.nc.superposed import Superposed
 from motion.nc.tables import TableSpace
 from motion.nc.torque import VelocityController
+from motion.nc.touch_probe import TouchProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -169,6 +170,8 @@ class NcAxis:
         """The drive reports an error (`DriveDeviceError`)."""
         self.external = ExternalSetpoints(self.plc_to_nc, self.motion)
         self.coupling = Coupling(parameters, self.motion, cycle_s=cycle_s)
+        self.probe = TouchProbe(device, self.encoder)
+        """Touch probe."""
         self.superposed = Superposed(self.motion, self.coupling, cycle_s=cycle_s)
         self.fast_stop = FastStop(parameters)
         self._allow_slave = cell("axis.allow_commands_slave")
@@ -573,6 +576,8 @@ class NcAxis:
         device = self.device
         self._take_actual_values()
         self._supervise_device()
+        if self.probe.active:
+            self.probe.step()
         if self.encoder_only:
             self._cycle_encoder()
             return
@@ -886,6 +891,7 @@ class NcAxis:
         image.TargetPos = motion.target
         image.ModuloSetTurns, image.ModuloSetPos = encoder.modulo(motion.s)
         image.ActPosWithoutPosCorrection = encoder.uncorrected
+        image.TouchProbeCounter = self.probe.count
         image.ActTorque = self.drive.actual_torque
         image.ActTorqueDerivative = self.drive.actual_torque_derivative
         if self._interface == TORQUE_INTERFACE:
@@ -907,6 +913,12 @@ class NcAxis:
             word |= 1 << 6
         if self.external.enabled:
             word |= 1 << 14
+        request = self.plc_to_nc.AxisModeRequest
+        if request != self.nc_to_plc.AxisModeConfirmation:
+            word |= 1 << 15
+            self.nc_to_plc.AxisModeConfirmation = request
+        if self.probe.valid:
+            word |= 1 << 16
         if self.operational:
             word |= 1
         if self.encoder.homed:
@@ -942,6 +954,8 @@ class NcAxis:
         if motion.new_target:
             word |= 1 << 17
             motion.new_target = False
+        if motion.missed:
+            word |= 1 << 18
         if self._closed:
             word |= 1 << 20
         if motion.queue:

@@ -43,6 +43,8 @@ class AxisRef:
         self.image = NcToPlc()
         """`NcToPlc`: what the axis says, as of the last transfer."""
         self.Status = AxisStatus()
+        self.plc_cycle_s = axis.cycle_s
+        """Cycle in which the PLC calls its blocks, s."""
 
     def restart(self, axis: NcAxis) -> None:
         """Be the instance of the axis that the system has started with; what the program says stays."""

@@ -419,12 +419,16 @@ class MotionBlock(ExecuteBlock):
             self._finish(made)
             return
         self._command = made
-        refused = self.Axis.axis.submit(made)
+        refused = self._submit(made)
         if refused:
             self._finish(refused)
             return
         self.Busy = True
         self._show(made)
+
+    def _submit(self, command: Command) -> int:
+        """Give the command to the axis; returns an error code, 0 for none."""
+        return self.Axis.axis.submit(command)
 
     def _refused_inputs(self) -> int:
         """Return an error code where an input has no usable value."""

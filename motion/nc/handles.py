@@ -29,10 +29,17 @@ from motion.nc.blocks import (
     MC_SetPosition,
     MC_Stop,
 )
+from motion.nc.correction_blocks import (
+    MC_BacklashCompensation,
+    MC_MoveSuperImposed,
+    MC_PositionCorrectionLimiter,
+)
 from motion.nc.errors import error_text
 from motion.nc.modulo import Direction
 from motion.nc.online import Online
+from motion.nc.probe_blocks import MC_TouchProbe
 from motion.nc.process_image import ProcessImage
+from motion.nc.touch_probe import ProbeSource
 
 if TYPE_CHECKING:
     from motion.nc.axis import NcAxis
@@ -259,6 +266,26 @@ class NcAxisHandle:
     def external_disable(self) -> MC_ExtSetPointGenDisable:
         """Start `MC_ExtSetPointGenDisable`."""
         return self.run(MC_ExtSetPointGenDisable(self.ref, Execute=True))
+
+    def move_superimposed(self, distance: float, velocity: float, **inputs: Any) -> MC_MoveSuperImposed:
+        """Start `MC_MoveSuperImposed`: `distance` on top of what the axis does."""
+        return self.run(
+            MC_MoveSuperImposed(self.ref, Execute=True, Distance=distance, VelocityDiff=velocity, **inputs)
+        )
+
+    def compensate_backlash(self, backlash: float, **inputs: Any) -> MC_BacklashCompensation:
+        """Switch `MC_BacklashCompensation` on; off again with `instance.set(Enable=False)`."""
+        return self.run(MC_BacklashCompensation(self.ref, Enable=True, Backlash=backlash, **inputs))
+
+    def correct_position(self, value: float, **inputs: Any) -> MC_PositionCorrectionLimiter:
+        """Switch `MC_PositionCorrectionLimiter` on with a value, position unit."""
+        return self.run(
+            MC_PositionCorrectionLimiter(self.ref, Enable=True, PositionCorrectionValue=value, **inputs)
+        )
+
+    def touch_probe(self, source: ProbeSource = ProbeSource.LATCH_POSITIVE, **inputs: Any) -> MC_TouchProbe:
+        """Start `MC_TouchProbe`."""
+        return self.run(MC_TouchProbe(self.ref, Execute=True, TriggerInput=source, **inputs))
 
     def halt(self, **inputs: Any) -> MC_Halt:
         """Start `MC_Halt`."""

@@ -57,6 +57,8 @@ class Motion:
         """Target position of the active command, or of the last one, position unit."""
         self.stopped = False
         """The last motion was ended by a stop (`HasBeenStopped`)."""
+        self.missed = False
+        """The last target was given up: the axis is not there, and will not be."""
         self.new_target = False
         """A command with a target has begun; the axis clears it."""
 
@@ -156,9 +158,13 @@ class Motion:
 
     def _begin(self, command: Command) -> None:
         """Make a command the active one."""
+        before = self.active
         self.active = command
         command.state = CommandState.ACTIVE
         generator = self.generator
+        self.missed = command.kind == STOP and (
+            self.missed or (before is not None and before.kind == POSITION)
+        )
         self.stopped = command.kind == STOP
         self.has_target = command.kind == POSITION
         if command.kind in {POSITION, CONTINUOUS}:
@@ -383,6 +389,8 @@ class Motion:
     def abort(self, state: CommandState, error_id: int) -> None:
         """End all commands."""
         active = self.active
+        if active is not None and active.kind == POSITION:
+            self.missed = True
         for command in (*self.queue, *(() if active is None else (active,))):
             if not command.ended:
                 command.state = state

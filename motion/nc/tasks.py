@@ -271,6 +271,7 @@ class NcRuntime:
         axis = ref.axis
         if not axis.disabled:
             self.axes.append(axis)
+        ref.plc_cycle_s = self.cycle_ns * self.plc_cycles * _SECONDS
         link = self.links[axis.name] = AxisLink(ref, self._watchdog, self.plc_cycles)
         self._cyclic.take(axis, link)
 
