@@ -19,6 +19,7 @@ from hil.bench.drive_config import (
     Cia402DriveTable,
     ProfidriveCanTable,
     ProfidriveModbusTable,
+    TwoSpeedDriveTable,
 )
 from hil.bench.io_config import LIMITS
 from hil.bench.nc_axis_config import NcAxisTable
@@ -321,6 +322,8 @@ class _Fitting:
         drive.check_segment(where, config.segment[drive.segment])
         if isinstance(drive, AnalogDriveTable):
             self._analog(name, drive)
+        if isinstance(drive, TwoSpeedDriveTable):
+            drive.check_wires(where, name, self._config.station)
         if isinstance(drive, ProfidriveModbusTable):
             self._on_modbus(where, drive)
         if isinstance(drive, (Cia402DriveTable, ProfidriveCanTable)):

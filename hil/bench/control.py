@@ -202,6 +202,8 @@ class ControlSystem:
         kind = AxisKind.CONTINUOUS
         link: Link | None = None
         if drive is not None:
+            if drive.profile == "two_speed":
+                kind = AxisKind.DISCRETE
             link = self._link_of(section, drive, self.ports.add(section.drive))
         elif section.encoder is not None:
             kind = AxisKind.ENCODER
@@ -235,15 +237,16 @@ class ControlSystem:
 
     @staticmethod
     def _link_of(section: NcAxisTable, drive: DriveTable, port: DrivePort) -> Link:
-        from motion.nc.device import INTERFACES, PortDevice
+        from motion.nc.device import INTERFACES, TWO_SPEED, PortDevice
 
+        interface = TWO_SPEED if drive.profile == "two_speed" else INTERFACES[section.interface]
         switch = section.fast_stop_input
 
         def link(parameters: ParameterSet) -> PortDevice:
             return PortDevice(
                 port,
                 rpm_per_unit=60.0 / section.feed_of(drive),
-                interface=INTERFACES[section.interface],
+                interface=interface,
                 torque_per_nm=1000.0 / drive.reference_torque_nm,
                 fast_stop_input=0 if switch is None else SWITCHES[switch],
                 direct_inputs=parameters.read("drv.type") in {"MDP_703", "MDP_733"},

@@ -46,6 +46,7 @@ from emulators.drive.safety_config import SafeMotionConfig
 from emulators.drive.supply_config import SupplyConfig
 from emulators.drive.thermal_config import ThermalConfig
 from emulators.drive.tuning import ServoTuning
+from emulators.drive.two_speed_config import CONTACTORS, INVERTER, TERMINALS, TwoSpeedConfig, TwoSpeedSettings
 from fieldbus.errors import ConfigurationError
 from fieldbus.node_clock import NodeClock
 from fieldbus.profidrive.errors import TelegramError
@@ -68,6 +69,7 @@ if TYPE_CHECKING:
     from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
     from emulators.drive.stepper import StepperDriveConfig
     from emulators.drive.stepper_can import StepperCanDrive
+    from emulators.drive.two_speed import TwoSpeedDrive
     from fieldbus.modbus import MapFile, ProcessDataRegisters
     from fieldbus.profidrive import Telegram
     from hil.bench._port_site import PortSite
@@ -82,6 +84,7 @@ if TYPE_CHECKING:
     from motion.drives.profidrive import TelegramConfig
     from motion.drives.profidrive_can import ProfidriveCanPort
     from motion.drives.profidrive_modbus import ProfidriveModbusPort
+    from motion.drives.two_speed import TwoSpeedPort
 
 SWITCHES: Final = ("negative_limit", "positive_limit", "home", "probe1", "probe2")
 """Terminals of every drive with a machine that a digital input of a station can be wired to."""
@@ -1299,11 +1302,125 @@ def _choice(table: Any) -> Any:
     return f"profidrive on {'CAN' if on_can else 'Modbus'}" if profile == "profidrive" else profile
 
 
+class TwoSpeedDriveTable(_ServoTable, frozen=True):
+    """`[drive.NAME]` with `profile = "two_speed"`: a motor with two speeds, wired to an I/O station."""
+
+    label: ClassVar[str] = 'a drive with profile = "two_speed"'
+    bus: ClassVar[Literal["can", "modbus", "station"]] = "station"
+    terminals: ClassVar[Mapping[str, Sequence[str]]] = {
+        "digital_inputs": SWITCHES,
+        "digital_outputs": tuple(dict.fromkeys((*CONTACTORS, *INVERTER))),
+        "counters": ("encoder",),
+    }
+
+    profile: Literal["two_speed"]
+    encoder: Literal["incremental"] = "incremental"
+    """Its increments go to a counter of the station."""
+    two_speed: TwoSpeedSettings = TwoSpeedSettings()
+
+    @property
+    def reference_speed_rpm(self) -> float:
+        """Fast speed, rpm."""
+        return self.two_speed.fast_rpm
+
+    @property
+    def interfaces(self) -> tuple[str, ...]:
+        """What an axis of an NC may give to the drive."""
+        return ("velocity",)
+
+    def check_bench(self, where: str, bench: BenchTable) -> None:
+        """Check the drive against `[bench]`.
+
+        Raises:
+            ValueError: With the place, the value and what is allowed.
+
+        """
+        super().check_bench(where, bench)
+        if bench.live:
+            raise ValueError(
+                f'{where}.profile: "two_speed" is emulated on virtual benches; set bench.kind = "virtual"'
+            )
+
+    def check_segment(self, where: str, segment: SegmentTable) -> None:
+        """Its station is on the bus."""
+
+    def check_axis(self, where: str, axis: AxisTable) -> None:
+        """Refuse a technology object: it needs a drive that takes speeds.
+
+        Raises:
+            ValueError: Always.
+
+        """
+        raise ValueError(
+            f'{where}.drive: {axis.drive!r} has two speeds; an axis with controller = "nc" moves it'
+        )
+
+    def station(self, name: str, stations: Mapping[str, StationTable]) -> str | None:
+        """Return the name of the station that switches the drive `name`; None: there is none."""
+        wanted = {f"{name}.{terminal}" for terminal in TERMINALS[self.two_speed.control]}
+        return next((place for place, one in stations.items() if wanted <= set(one.digital_outputs)), None)
+
+    def check_wires(self, where: str, name: str, stations: Mapping[str, StationTable]) -> None:
+        """Check that every terminal is wired to one station.
+
+        Raises:
+            ValueError: With what is missing.
+
+        """
+        place = self.station(name, stations)
+        if place is None:
+            wanted = ", ".join(f'"{name}.{one}"' for one in TERMINALS[self.two_speed.control])
+            raise ValueError(f"{where}: no station has all of its terminals as digital_outputs: {wanted}")
+        if f"{name}.encoder" not in stations[place].counters:
+            raise ValueError(
+                f'{where}: its encoder is missing at station.{place}: counters = ["{name}.encoder"]'
+            )
+
+    def config(self, bench: BenchTable) -> TwoSpeedConfig:
+        """Return the configuration of the emulated drive."""
+        parts = self.servo_parts()
+        del parts["brake"]
+        return TwoSpeedConfig(
+            **parts,
+            servo_period_ns=bench.servo_period_ns,
+            two_speed=self.two_speed,
+            max_speed_rpm=self.max_speed_rpm,
+        )
+
+    def build(self, site: DeviceSite) -> TwoSpeedDrive:
+        """Return the emulated drive, still switched off."""
+        from emulators.drive.two_speed import TwoSpeedDrive
+
+        return TwoSpeedDrive(
+            _own_clock(site), self.config(site.bench), name=site.name, history=site.history, rng=site.rng
+        )
+
+    def build_port(self, site: PortSite) -> TwoSpeedPort:
+        """Return the controller's port to the drive, by the wires of its station."""
+        from motion.drives.two_speed import TwoSpeedPort, TwoSpeedPortConfig
+
+        name = site.name
+        place = self.station(name, site.stations) or ""
+        station = site.stations[place]
+        config = TwoSpeedPortConfig(
+            cycle_ns=site.bench.cycle_ns,
+            grace_cycles=site.bench.grace_cycles,
+            optional=self.optional,
+            outputs={
+                terminal: station.digital_outputs.index(f"{name}.{terminal}")
+                for terminal in TERMINALS[self.two_speed.control]
+            },
+            counter=station.wire("counters", f"{name}.encoder"),
+        )
+        return TwoSpeedPort(site.links[place], config, name=name, history=site.history)
+
+
 DriveTable = (
     Cia402DriveTable
     | ProfidriveCanTable
     | ProfidriveModbusTable
     | AnalogDriveTable
+    | TwoSpeedDriveTable
     | PulseDriveTable
     | SignalOutputTable
 )
@@ -1313,6 +1430,7 @@ WITH_SWITCHES: Final = (
     ProfidriveCanTable,
     ProfidriveModbusTable,
     AnalogDriveTable,
+    TwoSpeedDriveTable,
     PulseDriveTable,
 )
 """Drives with a machine and switches on its travel."""
@@ -1323,6 +1441,7 @@ AnyDrive = Annotated[
     | Annotated[ProfidriveCanTable, Tag("profidrive on CAN")]
     | Annotated[ProfidriveModbusTable, Tag("profidrive on Modbus")]
     | Annotated[AnalogDriveTable, Tag("analog")]
+    | Annotated[TwoSpeedDriveTable, Tag("two_speed")]
     | Annotated[PulseDriveTable, Tag("tm_pto")]
     | Annotated[SignalOutputTable, Tag("tm41")],
     Discriminator(_choice),

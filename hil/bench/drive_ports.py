@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from fieldbus.errors import ConfigurationError
 from hil.bench._port_site import PortSite
-from hil.bench.drive_config import AnalogDriveTable, ProfidriveModbusTable
+from hil.bench.drive_config import AnalogDriveTable, ProfidriveModbusTable, TwoSpeedDriveTable
 from motion.drives.cia402 import Cia402Port
 
 if TYPE_CHECKING:
@@ -21,10 +21,11 @@ if TYPE_CHECKING:
     from motion.drives.profidrive_can import ProfidriveCanPort
     from motion.drives.profidrive_modbus import ProfidriveModbusPort
     from motion.drives.station import StationLink
+    from motion.drives.two_speed import TwoSpeedPort
 
     CanPort: TypeAlias = Cia402Port | ProfidriveCanPort
     TelegramPort: TypeAlias = ProfidriveCanPort | ProfidriveModbusPort
-    Port: TypeAlias = CanPort | ProfidriveModbusPort | AnalogPort
+    Port: TypeAlias = CanPort | ProfidriveModbusPort | AnalogPort | TwoSpeedPort
 
 
 class DrivePorts:
@@ -57,7 +58,8 @@ class DrivePorts:
         """All ports, in the order in which they were made."""
         self.can: dict[str, CanPort] = {}
         self.modbus: dict[str, ProfidriveModbusPort] = {}
-        self.analog: dict[str, AnalogPort] = {}
+        self.analog: dict[str, AnalogPort | TwoSpeedPort] = {}
+        """Drives at the terminals of a station."""
 
     def add(self, name: str) -> Port:
         """Make the port to drive `name`."""
@@ -78,7 +80,7 @@ class DrivePorts:
         )
         drive = config.drive[name]
         port: Port
-        if isinstance(drive, AnalogDriveTable):
+        if isinstance(drive, AnalogDriveTable | TwoSpeedDriveTable):
             port = self.analog[name] = drive.build_port(site)
         elif isinstance(drive, ProfidriveModbusTable):
             port = self.modbus[name] = drive.build_port(site)

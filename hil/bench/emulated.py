@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
     from emulators.drive.profidrive.second_encoder import SecondEncoder
     from emulators.drive.stepper_can import StepperCanDrive
+    from emulators.drive.two_speed import TwoSpeedDrive
     from emulators.encoder.cia406 import CiA406Encoder
     from emulators.encoder.profidrive.can import ProfidriveCanEncoder
     from emulators.io import ModbusIoStation
@@ -39,7 +40,12 @@ if TYPE_CHECKING:
     from hil.record import Recorder
 
     EmulatedDrive: TypeAlias = (
-        CiA402Drive | ProfidriveCanDrive | ProfidriveModbusDrive | AnalogDrive | StepperCanDrive
+        CiA402Drive
+        | ProfidriveCanDrive
+        | ProfidriveModbusDrive
+        | AnalogDrive
+        | TwoSpeedDrive
+        | StepperCanDrive
     )
     EmulatedEncoder: TypeAlias = CiA406Encoder | ProfidriveCanEncoder
     EmulatedPart: TypeAlias = EmulatedDrive | EmulatedEncoder | SecondEncoder | CanopenDevice

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from pydantic import Field, model_validator
@@ -80,7 +80,7 @@ class StationTable(Table, frozen=True):
     drive `.ready`; `""` = nothing.
     """
     digital_outputs: tuple[str, ...] = ()
-    """`DRIVE.enable` of an analog drive, or nothing."""
+    """`DRIVE.enable` of an analog drive, or a terminal of a drive with two speeds, or nothing."""
     analog_inputs: Annotated[int, Field(ge=0, le=16)] = 0
     """Number of inputs for ±10 V."""
     analog_outputs: tuple[str, ...] = ()
@@ -140,9 +140,7 @@ class StationTable(Table, frozen=True):
         """
         from emulators.io import AnalogInput, AnalogOutput, DigitalOutput, ModbusIoStation
 
-        analog = {
-            wire: _analog(wire, drives) for wire in (*self.digital_outputs, *self.analog_outputs) if wire
-        }
+        analog = {wire: _analog(wire, drives) for wire in self.analog_outputs if wire}
         station = ModbusIoStation(
             site.scheduler,
             digital_inputs=[
@@ -150,7 +148,7 @@ class StationTable(Table, frozen=True):
                 for channel, wire in enumerate(self.digital_inputs)
             ],
             digital_outputs=[
-                DigitalOutput(analog[wire].set_enable if wire else None) for wire in self.digital_outputs
+                DigitalOutput(_switched(wire, drives) if wire else None) for wire in self.digital_outputs
             ],
             analog_inputs=[
                 AnalogInput(site.scheduler, 0.0, 10.0, bipolar=True, rng=site.rng)
@@ -225,6 +223,17 @@ def _counter(wire: str, drives: Mapping[str, EmulatedDrive]) -> CounterInput:
 
     assert isinstance(drive, StepperCanDrive)  # what else has an encoder output
     return CounterInput(drive.emitted_count)
+
+
+def _switched(wire: str, drives: Mapping[str, EmulatedDrive]) -> Callable[[bool], object]:
+    """Return what a digital output switches at a drive."""
+    from emulators.drive.two_speed import TwoSpeedDrive
+
+    name, _, terminal = wire.partition(".")
+    drive = drives[name]
+    if isinstance(drive, TwoSpeedDrive):
+        return lambda level: drive.set_terminal(terminal, level)
+    return _analog(wire, drives).set_enable
 
 
 def _analog(wire: str, drives: Mapping[str, EmulatedDrive]) -> AnalogDrive:

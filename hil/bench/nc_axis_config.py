@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, Protocol
 
 from pydantic import Field, PlainValidator, ValidationError, WithJsonSchema, model_validator
 
@@ -20,8 +20,8 @@ class MovingDrive(Protocol):
     """What an axis takes over from its drive."""
 
     @property
-    def bus(self) -> str:
-        """How the controller reaches it."""
+    def profile(self) -> str:
+        """Its profile."""
 
     @property
     def machine(self) -> LinearAxisConfig | None:
@@ -56,6 +56,10 @@ ParameterValue = Annotated[
     PlainValidator(_value),
     WithJsonSchema({"type": ["number", "boolean", "string"]}),
 ]
+
+
+_DRIVE_TYPES: Final = {"analog": "KL4XXX", "two_speed": "TWOSPEED"}
+"""`drv.type` by profile of the drive; every other one takes velocities of its own unit."""
 
 
 class NcAxisTable(Table, frozen=True):
@@ -136,10 +140,12 @@ class NcAxisTable(Table, frozen=True):
             "enc.scaling_denominator": float(counts),
             "enc.encoder_mask": 0xFFFFFFFF,
             "enc.encoder_sub_mask": counts - 1,
-            "drv.type": "KL4XXX" if drive.bus == "station" else "DS402_MDP742",
+            "drv.type": _DRIVE_TYPES.get(drive.profile, "DS402_MDP742"),
         }
         values["axis.reference_velocity"] = drive.max_speed_rpm / 60.0 * feed
         values["axis.maximum_velocity"] = values["axis.reference_velocity"]
+        if drive.profile == "two_speed":
+            values["ctrl.type"] = "Two speed controller"
         if self.interface == "torque":
             # Percent of the rated torque in the NC, permille at the drive.
             values["drv.output_scaling_torque"] = 10.0

@@ -90,6 +90,8 @@ EVENT_KINDS: Final = MappingProxyType(
         "homing.phase": "active homing goes on with another part of its motion",
         "homing.started": "active homing begins its motion, or passive homing begins to wait for its mark",
         "cam.interpolated": "a cam has a function from now on",
+        "drive.brake": "the brake of a drive with two speeds is applied or released",
+        "drive.illegal_terminals": "terminals of a drive with two speeds contradict each other",
         "job.aborted": "CommandAborted",
         "job.active": "the job is in control",
         "job.done": "Done",

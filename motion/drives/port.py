@@ -187,6 +187,10 @@ class DrivePort(ABC):
         """
         raise NotImplementedError
 
+    def write_image(self, stw1: int, image: bytes) -> None:
+        """Send control word 1 and the 12 byte of the two-speed interface, to a drive that takes them."""
+        raise NotImplementedError
+
     def write_torque(self, stw1: int, permille: int) -> None:
         """Send control word 1 and a torque, permille of the rated one, to a drive that takes torques."""
         raise NotImplementedError

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from math import sqrt
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from typing_extensions import override
@@ -146,7 +147,7 @@ class MC_PositionCorrectionLimiter(Block):
         direction = 1.0 if left >= 0.0 else -1.0
         change = acceleration * dt
         # The velocity from which steps of `change` end exactly there.
-        fastest = (2.0 * acceleration * abs(left) + 0.25 * change * change) ** 0.5 - 0.5 * change
+        fastest = sqrt(2.0 * acceleration * abs(left) + 0.25 * change * change) - 0.5 * change
         wanted = direction * fastest
         velocity = min(max(wanted, self._velocity - change), self._velocity + change)
         step = velocity * dt

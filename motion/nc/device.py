@@ -232,8 +232,10 @@ class PortDevice(_Values):
                 port.write(word, outputs.velocity * self._rpm_per_unit)
             else:
                 port.write_position(word, outputs.position)
-        else:
+        elif interface == TORQUE:
             port.write_torque(word, round(outputs.torque))
+        else:
+            port.write_image(word, outputs.image)
 
     def search(self, mode: int) -> MarkSearch | None:
         """Return the search for the zero mark, or for an edge of the latch input where the port has one."""

@@ -1,5 +1,7 @@
 """Position correction and backlash: signs, filter, limiter, reference edges, both interfaces, homing."""
 
+from itertools import pairwise
+
 import pytest
 
 from motion.nc.correction_blocks import CorrectionMode, DisableMode
@@ -206,8 +208,8 @@ def test_correction_limiter(subtests):
         values.append(rig.ref.PlcToNc.PositionCorrection)
     assert values[-1] == pytest.approx(5.0)
     assert max(values) <= 5.0 + 1e-9
-    speeds = [(b - a) / T for a, b in zip(values, values[1:], strict=False)]
-    steepest = max(abs(b - a) / T for a, b in zip(speeds, speeds[1:], strict=False))
+    speeds = [(after - before) / T for before, after in pairwise(values)]
+    steepest = max(abs(after - before) / T for before, after in pairwise(speeds))
     assert steepest <= 1.1 * 100.0
     assert not block.Limiting
     block.set(
