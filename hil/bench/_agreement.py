@@ -11,7 +11,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from fieldbus.errors import ConfigurationError, located
-from hil.bench.axis_config import second_of
+from hil.bench.axis_config import AxisTable, second_of
 from hil.bench.device_config import DeviceTable
 from hil.bench.drive_config import (
     WITH_G2,
@@ -27,7 +27,6 @@ from hil.bench.segment_config import RtuTable, TcpTable
 from motion.s7.compatibility import LEVELS
 
 if TYPE_CHECKING:
-    from hil.bench.axis_config import AxisTable
     from hil.bench.config import BenchConfig
     from hil.bench.drive_config import DriveTable
     from hil.bench.encoder_config import EncoderTable
@@ -97,6 +96,8 @@ def _tables(config: BenchConfig) -> dict[str, tuple[str, Mapping[str, Any]]]:
         "device": ("a device", config.device),
         "station": ("a station", config.station),
         "cam": ("a cam", config.cam),
+        "proxy": ("a proxy", config.proxy),
+        "controller": ("a controller", config.controller),
     }
 
 
@@ -147,6 +148,8 @@ class _References:
             "drive": self._drive,
             "encoder": self._encoder,
             "device": self._device,
+            "controller": self._controller,
+            "proxy": self._proxy,
             "station": self._station,
             "axis": self._axis,
             "external_encoder": self._external_encoder,
@@ -215,6 +218,7 @@ class _References:
                 self._refer(f"{where}.encoder", "encoder", axis.encoder)
             return
         self._refer(f"{where}.drive", "drive", axis.drive)
+        self._plc(where, axis.plc)
         if axis.inputs is not None:
             self._refer(f"{where}.inputs", "station", axis.inputs)
         self._leading(name, axis)
@@ -228,11 +232,19 @@ class _References:
                 )
 
     def _leading(self, name: str, axis: AxisTable) -> None:
-        where, cpu = f"axis.{name}", self._config.bench.cpu
+        where, cpu = f"axis.{name}", self._config.cpu_of(axis.plc)
         if axis.hold_tolerance and LEVELS[cpu].before_v9:
             version = LEVELS[cpu].version
             raise ValueError(f"{where}.hold_tolerance: {cpu} has technology version {version}; it needs V9.0")
         for leader in axis.leading:
+            if leader in self._config.proxy:
+                self._check_proxy(f"{where}.leading", name, leader, cpu)
+                continue
+            if leader in self._config.axis and self._config.plc_of(leader) != axis.plc:
+                raise ValueError(
+                    f"{where}.leading: {leader!r} belongs to another controller, which leads by a "
+                    f"[proxy.NAME] with axis = {leader!r}"
+                )
             if leader in self._config.external_encoder and leader not in self._config.axis:
                 self._check_actual(f"{where}.leading", f"the external encoder {leader!r}", cpu)
                 continue
@@ -256,6 +268,41 @@ class _References:
                     f"{where}.coupling.{leader}: {coupling!r} is not possible: an external encoder has no "
                     f"setpoint; allowed is 'actual'"
                 )
+
+    def _check_proxy(self, where: str, name: str, proxy: str, cpu: str) -> None:
+        if self._config.plc_of(proxy) != self._config.plc_of(name):
+            raise ValueError(f"{where}: the proxy {proxy!r} belongs to another controller")
+        if not LEVELS[cpu].technology:
+            raise ValueError(f"{where}: a proxy leads axes of an S7-1500T only, and the cpu is {cpu!r}")
+
+    def _proxy(self, name: str) -> None:
+        proxy, where = self._config.proxy[name], f"proxy.{name}"
+        self._plc(where, proxy.plc)
+        self._refer(f"{where}.axis", "axis", proxy.axis)
+        led = self._config.axis[proxy.axis]
+        if not isinstance(led, AxisTable) or led.type == "speed":
+            raise ValueError(
+                f"{where}.axis: {proxy.axis!r} gives no leading value: it needs positions of an S7"
+            )
+        if led.plc == proxy.plc:
+            raise ValueError(
+                f"{where}.axis: {proxy.axis!r} belongs to the same controller; put it into `leading` of the "
+                "axes that follow"
+            )
+        most = LEVELS[self._config.cpu_of(led.plc)].leading_interfaces
+        if proxy.interface > most:
+            raise ValueError(f"{where}.interface: {proxy.interface}; allowed: 1 to {most}")
+
+    def _plc(self, where: str, plc: str | None) -> None:
+        if plc is not None and plc not in self._config.controller:
+            known = ", ".join(self._config.controller) or "none"
+            raise ValueError(f"{where}.plc: there is no [controller.{plc}]; there are: {known}")
+
+    def _controller(self, name: str) -> None:
+        phase = self._config.controller[name].phase_us
+        cycle = self._config.bench.cycle_ms * 1000
+        if phase is not None and phase >= cycle:
+            raise ValueError(f"controller.{name}.phase_us: {phase}; allowed: below the cycle of {cycle} us")
 
     @staticmethod
     def _check_actual(where: str, what: str, cpu: str) -> None:
@@ -366,7 +413,7 @@ class _Fitting:
             raise ValueError(f"{where}: a positioning axis needs an encoder")
         if len(set(encoders)) != len(encoders):
             raise ValueError(f"{where}: an encoder is listed twice in {', '.join(encoders)}")
-        level = LEVELS[config.bench.cpu]
+        level = LEVELS[config.cpu_of(axis.plc)]
         if len(encoders) > level.encoders:
             raise ValueError(
                 f'{where}: {len(encoders)} encoders need bench.cpu = "S7-1500T"; an {level.name} has one '

@@ -145,9 +145,11 @@ class AxisTable(Table, frozen=True):
     `NAME.encoder2` for its second one in the telegram, or names of encoders; without the key the drive,
     with both of its encoders where telegram 6 or 106 carries them to an S7-1500T.
     """
+    plc: str | None = None
+    """Controller that has the axis, of `[controller.NAME]`; none: that of `[bench]`."""
     leading: tuple[str, ...] = ()
-    """Axes and external encoders that this axis may follow, by name; for `type = "synchronous"`. An object
-    that is not named cannot lead it (alarm 601).
+    """Axes, external encoders and proxies that this axis may follow, by name; for `type = "synchronous"`. An
+    object that is not named cannot lead it (alarm 601).
     """
     coupling: dict[str, Coupling] = {}
     """How values of the axes in `leading` are taken, by name: the setpoint, the extrapolated `actual` value

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from motion.nc.tasks import NcRuntime
     from motion.s7.cam_handle import CamHandle
     from motion.s7.controller import Controller
-    from motion.s7.handles import AxisHandle, EncoderHandle
+    from motion.s7.handles import AxisHandle, EncoderHandle, ProxyHandle
 
 _GC_THRESHOLD: Final = 100_000
 _INJECTOR: Final = 'faults.inject("drive.fault", ...): `faults` is a fixture, else hil.Injector(bench)'
@@ -143,6 +143,8 @@ class Bench:
             if self.kind == "live":
                 stack.callback(self._control.release_drives)
             stack.callback(self.runtime.stop)
+            for other in self._control.others.values():
+                stack.callback(other.stop)
             if self._control.nc is not None:
                 stack.callback(self._control.nc.stop)
             self._segments.record_requests(self.recorder, self.runtime.after_cycle)
@@ -258,6 +260,16 @@ class Bench:
 
         """
         return named("cam", self._control.cams, name)
+
+    def proxy(self, name: str | None = None) -> ProxyHandle:
+        """Return a leading-axis proxy by name, or the first one; `.link` is the way of its telegrams, which a
+        test may lose (`link.lost`), delay (`link.delay_ns`) and change (`link.disturb`).
+
+        Raises:
+            ConfigurationError: There is no such proxy.
+
+        """
+        return named("proxy", self._control.proxies, name)
 
     def drive(self, name: str | None = None) -> Drive:
         """Return an emulated drive by name, or the first one.
@@ -421,6 +433,16 @@ class Bench:
     def external_encoder_names(self) -> tuple[str, ...]:
         """Names of the external encoders (technology objects)."""
         return tuple(self._control.external_encoders)
+
+    @property
+    def proxy_names(self) -> tuple[str, ...]:
+        """Names of the leading-axis proxies."""
+        return tuple(self._control.proxies)
+
+    @property
+    def controllers(self) -> dict[str, Controller]:
+        """Controllers beside `controller`, by name."""
+        return {name: runtime.controller for name, runtime in self._control.others.items()}
 
     @property
     def cam_names(self) -> tuple[str, ...]:

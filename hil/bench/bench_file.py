@@ -38,7 +38,18 @@ _ANCHORED: Final = {
     "cam": ("points_file",),
 }
 """Keys of tables by name that may be files relative to the bench file."""
-_NAMED: Final = ("segment", "drive", "encoder", "device", "station", "axis", "external_encoder", "cam")
+_NAMED: Final = (
+    "segment",
+    "drive",
+    "encoder",
+    "device",
+    "station",
+    "axis",
+    "external_encoder",
+    "cam",
+    "controller",
+    "proxy",
+)
 """Tables by name."""
 
 

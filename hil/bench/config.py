@@ -12,6 +12,7 @@ from hil.bench._table import Table
 from hil.bench.axis_config import OBJECTS, AnyAxis, AxisTable, ExternalEncoderTable, second_of
 from hil.bench.bench_config import BenchTable, ToleranceTable
 from hil.bench.cam_config import CamTable
+from hil.bench.controller_config import ControllerTable, ProxyTable
 from hil.bench.device_config import DeviceTable
 from hil.bench.drive_config import (
     WITH_SWITCHES,
@@ -65,11 +66,27 @@ class BenchConfig(Table, frozen=True):
     """External encoders by name: technology objects that read an encoder."""
     cam: dict[str, CamTable] = {}
     """Cams by name: technology objects with the function that a following axis follows."""
+    controller: dict[str, ControllerTable] = {}
+    """Controllers beside that of `[bench]`, by name."""
+    proxy: dict[str, ProxyTable] = {}
+    """Leading-axis proxies by name: technology objects with the leading value of another controller."""
 
     @property
     def s7_axes(self) -> dict[str, AxisTable]:
         """Axes that are technology objects, by name."""
         return {name: one for name, one in self.axis.items() if isinstance(one, AxisTable)}
+
+    def plc_of(self, name: str) -> str | None:
+        """Return which controller of `[controller.NAME]` has an axis or a proxy; None: that of `[bench]`."""
+        if name in self.proxy:
+            return self.proxy[name].plc
+        axis = self.axis.get(name)
+        return axis.plc if isinstance(axis, AxisTable) else None
+
+    def cpu_of(self, plc: str | None) -> str:
+        """Return what kind of controller that is."""
+        other = None if plc is None else self.controller.get(plc)
+        return self.bench.cpu if other is None else other.cpu
 
     @property
     def nc_axes(self) -> dict[str, NcAxisTable]:
@@ -142,7 +159,7 @@ class BenchConfig(Table, frozen=True):
         drive = self.drive[axis.drive]
         if not isinstance(drive, (ProfidriveCanTable, ProfidriveModbusTable)) or not drive.second_encoder:
             return None
-        both = encoders_of_telegram(drive.telegram, self.bench.cpu) == 2
+        both = encoders_of_telegram(drive.telegram, self.cpu_of(axis.plc)) == 2
         return (axis.drive, second_of(axis.drive)) if both else None
 
     def wired_variables(self, name: str) -> dict[str, bool | int]:

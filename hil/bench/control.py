@@ -7,7 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from fieldbus.clock import MS, S
+from fieldbus.clock import MS, US, S
 from fieldbus.errors import ErrorCollector
 from hil.bench.axis_config import AxisTable, ExternalEncoderTable, second_of
 from hil.bench.cam_config import CamTable
@@ -21,7 +21,7 @@ from motion.drives.port import SWITCHES, DrivePort
 from motion.s7.axis import ExternalEncoder, PositioningAxis, SpeedAxis, SynchronousAxis
 from motion.s7.cam_handle import CamHandle
 from motion.s7.cams import Cam
-from motion.s7.handles import AxisHandle, EncoderHandle
+from motion.s7.handles import AxisHandle, EncoderHandle, ProxyHandle
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from emulators.io import ModbusIoStation
     from fieldbus.history import History
     from hil.bench.config import BenchConfig
+    from hil.bench.controller_config import ProxyTable
     from hil.bench.drive_config import DriveTable
     from hil.bench.drive_ports import Port
     from hil.bench.encoders import EncoderNodes
@@ -42,6 +43,8 @@ if TYPE_CHECKING:
     from motion.nc.project import Link, Project
     from motion.nc.tasks import NcRuntime
     from motion.s7.axis import TechnologyAxis
+    from motion.s7.axis.technology_object import TechnologyObject
+    from motion.s7.proxy import LeadingAxisProxy
     from motion.s7.runtime import Runtime
 
 _AXES: Final = {"positioning": PositioningAxis, "speed": SpeedAxis, "synchronous": SynchronousAxis}
@@ -90,6 +93,11 @@ class ControlSystem:
         self._project: Project | None = None
         self.nc_axes: dict[str, NcAxisHandle] = {}
         self.external_encoders: dict[str, EncoderHandle] = {}
+        self.others: dict[str, Runtime] = {
+            name: self._other_runtime(section.phase_us) for name, section in config.controller.items()
+        }
+        """Controllers beside that of `[bench]`."""
+        self.proxies: dict[str, ProxyHandle] = {}
         self.cams: dict[str, CamHandle] = {}
         self._buses = ControllerBuses(config, segments.masters, self.ports, self.links)
         if config.axis:
@@ -108,7 +116,12 @@ class ControlSystem:
         for name, external in config.external_encoder.items():
             with errors.located(f"external_encoder.{name}"):
                 self._add_external_encoder(name, external)
-        objects = {name: one.object for name, one in (self.external_encoders | self.axes).items()}
+        for name, proxy in config.proxy.items():
+            with errors.located(f"proxy.{name}"):
+                self._add_proxy(name, proxy)
+        objects: dict[str, TechnologyObject] = {}
+        for handles in (self.external_encoders, self.axes, self.proxies):
+            objects |= {name: one.object for name, one in handles.items()}
         for name, section in config.s7_axes.items():
             if section.leading and name in self.axes:
                 axis = self.axes[name].object
@@ -117,7 +130,8 @@ class ControlSystem:
                 )
                 axis.couplings = dict(section.coupling)
                 axis.hold_tolerance = section.hold_tolerance
-        runtime.order_axes()
+        for one in (runtime, *self.others.values()):
+            one.order_axes()
         for name, cam in config.cam.items():
             with errors.located(f"cam.{name}"):
                 self._add_cam(name, cam)
@@ -151,10 +165,53 @@ class ControlSystem:
 
     # -- axes -----------------------------------------------------------------------------------------------
 
+    def _other_runtime(self, phase_us: int | None) -> Runtime:
+        """Return one more controller with the cycles of the bench."""
+        from motion.s7.runtime import Runtime
+
+        runtime = self._runtime
+        return Runtime(
+            self._scheduler,
+            cycle_ns=runtime.cycle_ns,
+            interpolator_ns=self._interpolator_ns,
+            phase_ns=None if phase_us is None else phase_us * US,
+            history=self._history,
+            program_cycles=runtime.program_cycles,
+        )
+
+    def _runtime_of(self, name: str) -> Runtime:
+        """Return the controller that has an axis or a proxy."""
+        plc = self._config.plc_of(name)
+        return self._runtime if plc is None else self.others[plc]
+
+    def _add_proxy(self, name: str, section: ProxyTable) -> None:
+        from motion.s7.proxy import LeadingAxisProxy, LeadingValueLink
+
+        if section.axis not in self.axes:
+            return  # it has a mistake of its own
+        link = LeadingValueLink(
+            self._scheduler,
+            self.axes[section.axis].object,
+            interface=section.interface,
+            delay_ns=section.delay_us * US,
+        )
+        self._runtime_of(section.axis).send_leading_value(link)
+        runtime = self._runtime_of(name)
+        proxy = LeadingAxisProxy(
+            name, link, cycle_ns=runtime.cycle_ns, variables=section.variables, history=self._history
+        )
+        runtime.add_proxy(proxy)
+        self.proxies[name] = ProxyHandle(runtime, proxy)
+        self._record(name, proxy)
+
     def _add_axis(self, name: str, section: AxisTable) -> None:
         config = self._config
         port = self.ports.add(section.drive)
         variables = config.start_values(name)
+        for proxy in config.proxy.values():
+            if proxy.axis == name:
+                output = f"CrossPlcSynchronousOperation.Interface[{proxy.interface}].EnableLeadingValueOutput"
+                variables.setdefault(output, True)
         encoders: list[EncoderPort | Port] | None = None
         named = config.encoders_of_axis(name)
         if named is not None:
@@ -171,7 +228,7 @@ class ControlSystem:
             history=self._history,
             encoders=encoders,
             connection=section.connection,
-            cpu=config.bench.cpu,
+            cpu=config.cpu_of(section.plc),
             ramp_times=section.ramp_times,
         )
         place = config.inputs_of_axis(name)
@@ -189,8 +246,9 @@ class ControlSystem:
             homing_input=section.homing_input,
             zero_mark_pitch=60.0 / axis.mechanics.rpm_per_unit if on_motor else 0.0,
         )
-        self._runtime.add(axis)
-        self.axes[name] = AxisHandle(self._runtime, axis)
+        runtime = self._runtime_of(name)
+        runtime.add(axis)
+        self.axes[name] = AxisHandle(runtime, axis)
         self._record(name, axis)
         self._note_limits(name, axis)
 
@@ -353,9 +411,9 @@ class ControlSystem:
         self._runtime.add_cam(cam)
         self.cams[name] = CamHandle(self._runtime, cam)
 
-    def _record(self, name: str, part: TechnologyAxis | ExternalEncoder) -> None:
+    def _record(self, name: str, part: TechnologyAxis | ExternalEncoder | LeadingAxisProxy) -> None:
         group = self._recorder.add_group(name, part.trace_columns, part.trace_row, enums=part.trace_enums)
-        self._runtime.after_cycle.append(group.sample)
+        self._runtime_of(name).after_cycle.append(group.sample)
 
     # -- operation ------------------------------------------------------------------------------------------
 
@@ -376,6 +434,8 @@ class ControlSystem:
             # In front of the other controller, whose cycle ends with the recording.
             self.nc.start()
         self._runtime.start()
+        for other in self.others.values():
+            other.start()
         if self.encoder_nodes is not None:
             wait_for_encoders(self._scheduler, self.encoder_nodes)
         if not self._scheduler.run_until(self._linked, LINK_TIMEOUT_NS):
@@ -421,6 +481,8 @@ class ControlSystem:
         two cycles of SYNC make it act.
         """
         self._runtime.stop()
+        for other in self.others.values():
+            other.stop()
         if self.nc is not None:
             self.nc.stop()
         if self.ports.release():

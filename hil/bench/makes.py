@@ -59,7 +59,7 @@ def with_nc_axes(file: AnyBenchFile[Bench], reference: str) -> BenchFile:
     if not isinstance(file, BenchFile):
         raise CannotRunError(f"bench {reference!r}: only a bench file can be had with axes of an NC")
     content = tomllib.loads(file.text)
-    for kind in ("external_encoder", "cam"):
+    for kind in ("external_encoder", "cam", "proxy"):
         if content.get(kind):
             raise CannotRunError(
                 f"bench {file.name!r}: [{kind}.NAME] belongs to technology objects; an NC has none"
