@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from typing import Final, Protocol
 
 from fieldbus.can.bitstream import BitError
@@ -54,6 +54,9 @@ class PortSection(Protocol):
 
     def submit(self, port: MediumPort, frames: Iterable[CanFrame]) -> None:
         """Queue frames of `port`."""
+
+    def withdraw(self, port: MediumPort, identifiers: Container[tuple[int, bool]]) -> None:
+        """See `MediumPort.withdraw`."""
 
     def flush(self, port: MediumPort) -> None:
         """Remove the queued frames of `port`."""
@@ -189,6 +192,10 @@ class MediumPort:
     def flush(self) -> None:
         """Remove the queued frames; one that is on the wire still completes."""
         self.section.flush(self)
+
+    def withdraw(self, identifiers: Container[tuple[int, bool]]) -> None:
+        """Remove queued frames by their identifiers: (identifier, whether it has 29 bits)."""
+        self.section.withdraw(self, identifiers)
 
     def recover(self) -> None:
         """Ask for recovery from bus-off (CANP-055); harmless in any other state."""

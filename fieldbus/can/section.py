@@ -16,7 +16,7 @@ bit (`BitLevel`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from heapq import heapify, heappop, heappush
 from typing import Final
 
@@ -702,6 +702,18 @@ class BusSection:
         self._empty(port)
         if self._entry is not None and self.scheduler.now <= self._open_until_ns:
             self._rearbitrate()
+
+    def withdraw(self, port: MediumPort, identifiers: Container[tuple[int, bool]]) -> None:
+        """Remove queued frames of a port by their identifiers; one that is on the wire still completes."""
+        still_open = self._entry is not None and self.scheduler.now <= self._open_until_ns
+        if still_open:
+            self._withdraw()
+        left = [entry for entry in port.queue if (entry[3].can_id, entry[3].extended) not in identifiers]
+        self._backlog -= len(port.queue) - len(left)
+        port.queue[:] = left
+        heapify(port.queue)
+        if still_open:
+            self._arbitrate(max(self.free_ns, self.scheduler.now))
 
     def ports_changed(self) -> None:
         """Follow a change of what a port does."""

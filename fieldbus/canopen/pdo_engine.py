@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 from typing import Final
 
 from fieldbus.can.frame import CanFrame
@@ -13,7 +13,7 @@ from fieldbus.canopen.nmt import is_restricted
 from fieldbus.canopen.pdo import Pdo, PdoCycle, ReceivePdo, RpdoErrors, TransmitPdo, Watcher
 from fieldbus.canopen.pdo_mapping import EMPTY, applier, check_mapping, check_mapping_entry, sampler
 from fieldbus.canopen.store import ObjectStore
-from fieldbus.clock import Scheduler
+from fieldbus.clock import Scheduler, Timer
 
 _RPDO: Final = (0x1400, 0x1600)
 _TPDO: Final = (0x1800, 0x1A00)
@@ -32,6 +32,7 @@ class PdoEngine:
         store: Values and access.
         send: Puts a frame on the bus.
         send_all: Puts several frames on the bus.
+        withdraw: Takes frames back that the bus has not taken yet, by identifier and whether it has 29 bits.
         on_change: Called after any change that alters which frames the slave listens to.
         emcy: Raises an error by code.
         emcy_clear: Ends an error by code.
@@ -46,6 +47,7 @@ class PdoEngine:
         send: Callable[[CanFrame], None],
         *,
         send_all: Callable[[Iterable[CanFrame]], None],
+        withdraw: Callable[[Container[tuple[int, bool]]], None],
         on_change: Callable[[], None],
         emcy: Callable[[int], object],
         emcy_clear: Callable[[int], object],
@@ -54,6 +56,8 @@ class PdoEngine:
         self._scheduler = scheduler
         self._store = store
         self._send_all = send_all
+        self._withdraw = withdraw
+        self._window: Timer | None = None
         self._on_change = on_change
         self.cycle: Final = PdoCycle()
         """What all PDOs share."""
@@ -225,6 +229,21 @@ class PdoEngine:
         self._send_all(frames)
         for pdo in self._other_sync:
             pdo.on_sync(counter)
+        if self.cycle.window_ns and (self._each_sync or self._other_sync):
+            self._end_window()
+
+    def _end_window(self) -> None:
+        """Take TPDOs back that the bus has not taken when the window ends: not in this cycle (C301-036)."""
+        if self._window is not None:
+            self._window.cancel()
+        ends_ns = max(self.cycle.sync_ns + self.cycle.window_ns, self._scheduler.now)
+        self._window = self._scheduler.at(ends_ns, self._window_over)
+
+    def _window_over(self) -> None:
+        self._window = None
+        self._withdraw(
+            {(pdo.can_id, pdo.extended) for pdo in (*self._each_sync, *self._other_sync) if pdo.synchronous}
+        )
 
     def touch(self, key: int) -> None:
         """Note that the object `key` may have changed."""

@@ -139,6 +139,8 @@ class CanopenSlave:
             store,
             send,
             send_all=self._port.send_all,
+            # A live interface does not give a frame back.
+            withdraw=(lambda _ids: None) if self._controller is None else self._controller.withdraw,
             on_change=self._rebuild,
             emcy=communication.raise_error,
             emcy_clear=self.errors.clear,

@@ -6,6 +6,7 @@ import itertools
 
 import pytest
 
+from fieldbus.can import CanFrame
 from fieldbus.canopen import AbortCode, NmtCommand, SdoAbort, pdo_engine
 
 EMCY = 0x085
@@ -302,6 +303,32 @@ def test_synchronous_acyclic(bench):
     assert bench.take(TPDO2) == []
     sync(bench, count=3)
     assert bench.take(TPDO2) == [bytes.fromhex("00 00 02 00 00 00")]
+
+
+@pytest.mark.requirement("C301-036")
+@pytest.mark.parametrize("kind", [1, 0])
+@pytest.mark.parametrize(("window_us", "sent"), [(0, True), (250, False), (1500, True)])
+def test_synchronous_tpdo_behind_the_window_is_not_sent(bench, kind, window_us, sent):
+    """A TPDO that the bus has not taken when the window of 1007h ends is not sent in that cycle; what is
+    event-driven waits on.
+    """
+    bench.map_pdo(3, [0x606C0020], kind, transmit=True, cob_id=0x40000385)
+    bench.map_pdo(1, [0x60410010], 255, transmit=True, cob_id=0x40000185)
+    bench.write(0x1007, 0, window_us, 4)
+    busy = bench.segment.attach("busy", lambda _frame, _time_ns: None)
+    bench.nmt(NmtCommand.START)
+    bench.run()
+    bench.take()
+    for cycle in range(2):
+        bench.slave.set(0x606C, 0, 7 + cycle)
+        bench.send(0x80)
+        if not cycle:
+            busy.send_all([CanFrame(0x081, bytes(8)) for _ in range(8)])
+        bench.slave.set(0x6041, 0, 100 + cycle)
+        bench.run(4)
+        late = [bytes([7 + cycle, 0, 0, 0])] if sent or cycle else []
+        assert bench.take(TPDO3) == late
+        assert bench.take(0x185) == [bytes([100 + cycle, 0])]
 
 
 @pytest.mark.requirement("C301-036", "C301-056", "C402-174")
