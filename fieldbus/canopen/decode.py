@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 from fieldbus import cia406
@@ -68,6 +68,8 @@ class FrameDecoder:
         self._nodes: dict[int, _Node] = {}
         self._pdos: dict[int, tuple[_Node, str, list[int]]] = {}
         self._lengths: dict[int, int] = {}
+        self._fields: dict[int, tuple[int, int, tuple[_Field, ...]]] = {}
+        """Identifier of a PDO -> node-ID, bits, and what is where."""
         self._emcy: dict[int, _Node] = {}
         self._sync = COB_SYNC
         for node_id in sorted({*self._names, *self._dictionaries}):
@@ -125,22 +127,20 @@ class FrameDecoder:
         """
         if frame.remote or frame.extended:
             return None
-        pdo = self._pdos.get(frame.can_id)
-        if pdo is None:
+        fields = self._fields.get(frame.can_id)
+        if fields is None:
             return None
-        node, _, mapping = pdo
-        word, offset, found = int.from_bytes(frame.data, "little"), 0, []
-        for raw in mapping:
-            bits = raw & 0xFF
-            if offset + bits > 8 * len(frame.data):
+        node_id, bits, places = fields
+        word, length = int.from_bytes(frame.data, "little"), 8 * len(frame.data)
+        found = []
+        for key, offset, mask, sign, end in places:
+            if end > length and bits > length:
                 break
-            number = word >> offset & (1 << bits) - 1
-            offset += bits
-            entry = node.entries.get(raw >> 8)
-            if entry is not None and entry.integer and entry.signed and number >> (bits - 1):
-                number -= 1 << bits
-            found.append((raw >> 8, number))
-        return node.node_id, found
+            number = word >> offset & mask
+            if number & sign:
+                number -= mask + 1
+            found.append((key, number))
+        return node_id, found
 
     def mapped_length(self, can_id: int) -> int:
         """Return how many bytes a PDO has by the mapping in effect; 0 for what is none."""
@@ -278,6 +278,7 @@ class FrameDecoder:
         """Make the tables of identifiers from the values of all nodes."""
         self._pdos.clear()
         self._lengths.clear()
+        self._fields.clear()
         self._emcy.clear()
         for node in self._nodes.values():
             emcy = node.values.get(0x101400, COB_EMCY + node.node_id)
@@ -294,7 +295,23 @@ class FrameDecoder:
                 count = min(node.values.get(mapping_key, 0), 64)
                 mapping = [node.values.get(mapping_key | sub, 0) for sub in range(1, count + 1)]
                 self._pdos[cob_id & 0x7FF] = (node, title, mapping)
-                self._lengths[cob_id & 0x7FF] = (sum(raw & 0xFF for raw in mapping) + 7) // 8
+                bits = sum(raw & 0xFF for raw in mapping)
+                self._lengths[cob_id & 0x7FF] = (bits + 7) // 8
+                self._fields[cob_id & 0x7FF] = node.node_id, bits, tuple(_fields(node.entries, mapping))
+
+
+_Field = tuple[int, int, int, int, int]
+"""Key, first bit, mask, bit of the sign (0: it has none), first bit behind it."""
+
+
+def _fields(entries: Mapping[int, Entry], mapping: Sequence[int]) -> Iterator[_Field]:
+    offset = 0
+    for raw in mapping:
+        bits = raw & 0xFF
+        entry = entries.get(raw >> 8)
+        signed = entry is not None and entry.integer and entry.signed and bits > 0
+        yield raw >> 8, offset, (1 << bits) - 1, 1 << bits - 1 if signed else 0, offset + bits
+        offset += bits
 
 
 class _Node:

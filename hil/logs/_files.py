@@ -10,7 +10,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
 from fieldbus.can.capture import CAPTURES, read_capture
 from fieldbus.can.frame import CanFrame
@@ -31,6 +31,9 @@ _LINE: Final = re.compile(
 _REMOTE: Final = re.compile(r"R([0-8]?)")
 _DATA: Final = re.compile(r"((?:[0-9A-Fa-f]{2}){0,8})(?:_([9A-Fa-f]))?")
 _ERROR_FLAG: Final = 0x20000000
+_EXTENDED_DIGITS: Final = 8
+_TENS: Final = tuple(10 ** (9 - digits) for digits in range(10))
+"""Nanoseconds of the last digit of a fraction with so many digits."""
 
 Stamped = Iterator[tuple[int, str, CanFrame, str]]
 """Stamp (ns), channel, frame, error (empty: none)."""
@@ -115,54 +118,58 @@ def _origin(log: BusLog) -> int:
 
 def _read_candump(log: BusLog) -> Stamped:
     """Return the frames of a candump log with their stamps; the reader of python-can names no line."""
+    match_line = _LINE.fullmatch
     try:
         with log.path.open(encoding="ascii") as stream:
-            held = ""
-            number = 0
             for number, line in enumerate(stream, start=1):
-                # One line behind, so that the last one is known for it.
-                if held.strip():
-                    yield from _candump_line(log, held, number - 1, last=False)
-                held = line
-            if held.strip():
-                yield from _candump_line(log, held, number, last=True)
+                match = match_line(line)
+                if match is None:
+                    if line.strip():
+                        _refuse_line(log, stream, line, number)
+                    continue
+                seconds, fraction, channel, identifier, body = match.groups()
+                if body[:1] == "#":
+                    log.left_out += 1
+                    continue
+                stamp_ns = int(seconds) * S + int(fraction) * _TENS[len(fraction)]
+                can_id, extended = int(identifier, 16), len(identifier) == _EXTENDED_DIGITS
+                if extended and can_id & _ERROR_FLAG:
+                    yield stamp_ns, channel, _ERROR_FRAME, "bus error"
+                    continue
+                try:
+                    frame = _classical(can_id, extended, body)
+                except BusError as error:
+                    raise CannotRunError(f"{log.path}, line {number}: {error}") from error
+                if frame is None:
+                    cut = ": the file is cut off there" if _is_last(stream) else ""
+                    raise CannotRunError(
+                        f"{log.path}, line {number}: {body!r} are no 0 to 8 bytes in hexadecimal, and no "
+                        f"R{cut}"
+                    )
+                yield stamp_ns, channel, frame, ""
     except (OSError, UnicodeDecodeError) as error:
         raise CannotRunError(f"{log.path} cannot be read as a candump log: {error}") from error
 
 
-def _candump_line(log: BusLog, line: str, number: int, *, last: bool) -> Stamped:
-    match = _LINE.fullmatch(line)
-    if match is None:
-        cut = " (the file is cut off there)" if last else ""
-        raise CannotRunError(
-            f"{log.path}, line {number}: {line[:60].rstrip()!r} is no line of a candump log such as "
-            f"'(1735689600.000000) can0 181#3702000000000000'{cut}"
-        )
-    seconds, fraction, channel, identifier, body = match.groups()
-    if body[:1] == "#":
-        log.left_out += 1
-        return
-    stamp_ns = int(seconds) * S + int(fraction.ljust(9, "0"))
-    can_id, extended = int(identifier, 16), len(identifier) == 8
-    if extended and can_id & _ERROR_FLAG:
-        yield stamp_ns, channel, _ERROR_FRAME, "bus error"
-        return
-    try:
-        frame = _classical(can_id, extended, body)
-    except BusError as error:
-        raise CannotRunError(f"{log.path}, line {number}: {error}") from error
-    if frame is None:
-        cut = ": the file is cut off there" if last else ""
-        raise CannotRunError(
-            f"{log.path}, line {number}: {body!r} are no 0 to 8 bytes in hexadecimal, and no R{cut}"
-        )
-    yield stamp_ns, channel, frame, ""
+def _refuse_line(log: BusLog, stream: Iterator[str], line: str, number: int) -> NoReturn:
+    cut = " (the file is cut off there)" if _is_last(stream) else ""
+    raise CannotRunError(
+        f"{log.path}, line {number}: {line[:60].rstrip()!r} is no line of a candump log such as "
+        f"'(1735689600.000000) can0 181#3702000000000000'{cut}"
+    )
+
+
+def _is_last(stream: Iterator[str]) -> bool:
+    """Return whether nothing but empty lines follows."""
+    return not any(line.strip() for line in stream)
 
 
 def _classical(can_id: int, extended: bool, body: str) -> CanFrame | None:
     """Return the frame that candump writes behind the #; None: that is none."""
-    remote = _REMOTE.fullmatch(body)
-    if remote is not None:
+    if body[:1] == "R":
+        remote = _REMOTE.fullmatch(body)
+        if remote is None:
+            return None
         return CanFrame(can_id, b"", extended=extended, remote=True, dlc=int(remote[1] or 0))
     data = _DATA.fullmatch(body)
     if data is None:
