@@ -179,6 +179,15 @@ class ModbusIoStation:
             raise ConfigurationError(f"{self.name}: {kind}", number, allowed)
         return channels[number]
 
+    def check_channel(self, kind: str, number: int) -> None:
+        """Check that there is a channel.
+
+        Raises:
+            ConfigurationError: There is not.
+
+        """
+        self.channel(kind, number)
+
     # -- faults ----------------------------------------------------------------------------------------
 
     def power_off(self) -> None:

@@ -17,7 +17,7 @@ from fieldbus.errors import ConfigurationError
 from hil._commands.terminal import console
 from hil._interrupt import note
 from hil.bench import BenchFile
-from hil.bench.drive_config import ProfidriveModbusTable
+from hil.bench.drive_config import AnalogDriveTable, ProfidriveModbusTable
 from hil.bench.segment_config import RESERVED_OPTIONS, CanTable, RtuTable, TcpTable
 from hil.campaign import load_bench_file
 from hil.errors import CannotRunError
@@ -34,6 +34,10 @@ _BOOT_TIMEOUT_S: Final = 10.0
 _SLICE_S: Final = 0.2
 """How long the scheduler runs until it is asked again: a signal does not wake it."""
 
+_OWN_FRAMES: Final = (
+    'programs with python-can join by interface="hil_multicast"; by "udp_multicast" they hear their own '
+    "frames, which a CANopen master takes for those of others"
+)
 _LAST_PORT: Final = 65535
 _TOLD: Final = (
     "drive.nmt",
@@ -110,7 +114,12 @@ def emulate_bench(
         raise ConfigurationError(
             "--adapter" if adapter else "--interface", adapter or place.interface, "for drives on CAN only"
         )
-    lines = [name for name, one in emulated.items() if isinstance(config.segment[one.segment], RtuTable)]
+    servers = {name: one for name, one in emulated.items() if not isinstance(one, AnalogDriveTable)}
+    lines = [
+        name
+        for name, one in (*servers.items(), *config.station.items())
+        if isinstance(config.segment[one.segment], RtuTable)
+    ]
     if link and not adapter and not lines:
         raise ConfigurationError(
             "--link", link, "a path, together with --adapter or a drive on a Modbus line"
@@ -141,6 +150,12 @@ def emulate_bench(
                 out.print(_presentation(config, host, opening, name, section), markup=False, soft_wrap=True)
                 for text in _notes_on_eds(host, name):
                     out.print(f"  EDS of {name}: {text}", style="dim", markup=False, soft_wrap=True)
+            for name, station in config.station.items():
+                where = _modbus_place(host, name, station.unit)
+                out.print(f"{name}: I/O station, {where}", markup=False, soft_wrap=True)
+            buses = [side.bus for one in host.segments.values() for side in one.sides]
+            if any(str(bus.channel_info).startswith("udp_multicast") for bus in buses):
+                out.print(_OWN_FRAMES, style="dim", markup=False, soft_wrap=True)
             if device:
                 out.print(f"adapter: {adapter} on {device}", markup=False, soft_wrap=True)
             out.print("ready; end with Ctrl-C", style="dim", markup=False)
@@ -181,6 +196,10 @@ def _served_at(config: BenchConfig, place: Place) -> BenchConfig:
         and drive.device == "emulated"
         and isinstance(config.segment[drive.segment], TcpTable)
     ]
+    names += [
+        name for name, one in config.station.items() if isinstance(config.segment[one.segment], TcpTable)
+    ]
+    stations = dict(config.station)
     if not names:
         option, value = ("--port", place.port) if place.port else ("--host", place.host)
         raise ConfigurationError(option, value, "for drives on Modbus TCP only")
@@ -190,8 +209,11 @@ def _served_at(config: BenchConfig, place: Place) -> BenchConfig:
         changes: dict[str, object] = {"host": place.host} if place.host else {}
         if place.port:
             changes["port"] = place.port + number
-        drives[name] = drives[name].model_copy(update=changes)
-    return config.model_copy(update={"drive": drives})
+        if name in stations:
+            stations[name] = stations[name].model_copy(update=changes)
+        else:
+            drives[name] = drives[name].model_copy(update=changes)
+    return config.model_copy(update={"drive": drives, "station": stations})
 
 
 def _presentation(
@@ -205,11 +227,19 @@ def _presentation(
         if opened["interface"] == "udp_multicast":
             where = host.segments[section.segment].sides[0].bus.channel_info
         return f"{name}: {section.profile}, node {section.node_id}, on {where}"
+    if isinstance(section, AnalogDriveTable):
+        return f"{name}: {section.profile}, at {section.station(name, config.station)}"
+    return f"{name}: {section.profile}, {_modbus_place(host, name, section.unit, any_unit=True)}"
+
+
+def _modbus_place(host: DriveHost, name: str, unit: int, *, any_unit: bool = False) -> str:
+    """Return unit and place of a server."""
     place = host.places[name]
     if isinstance(place, str):
-        return f"{name}: {section.profile}, unit {section.unit}, Modbus RTU on {place}"
+        return f"unit {unit}, Modbus RTU on {place}"
     host_name = f"[{place[0]}]" if ":" in place[0] else place[0]
-    return f"{name}: {section.profile}, any unit, Modbus TCP on {host_name}:{place[1]}"
+    shown = "any unit" if any_unit else f"unit {unit}"
+    return f"{shown}, Modbus TCP on {host_name}:{place[1]}"
 
 
 def _opening(place: Place, *, live: bool, adapter: str) -> dict[str, Any] | None:

@@ -107,11 +107,6 @@ def _check_whole(config: BenchConfig, mistakes: _Mistakes) -> None:
         mistakes.texts.append(
             "there is neither a drive nor an encoder nor a device; a bench needs at least one"
         )
-    if config.bench.live and config.station:
-        mistakes.texts.append(
-            f"station.{next(iter(config.station))}: stations are emulated on virtual benches; "
-            'set bench.kind = "virtual"'
-        )
     if config.cam and not LEVELS[config.bench.cpu].technology:
         mistakes.texts.append(
             f'cam.{next(iter(config.cam))}: an {config.bench.cpu} has no cams; set bench.cpu = "S7-1500T"'
@@ -477,8 +472,21 @@ class _Fitting:
                 owner = self._wired.setdefault(wire, place)
                 if owner != place:
                     raise ValueError(f"{place}: {wire!r} is wired to {owner} already")
-        if isinstance(self._config.segment[station.segment], RtuTable):
+        segment = self._config.segment[station.segment]
+        if isinstance(segment, RtuTable):
             _take(self._units, (station.segment, station.unit), where, f"unit: {station.unit}")
+        if isinstance(segment, TcpTable) and self._config.bench.live:
+            self._take_address(where, station.address(segment))
+        else:
+            _refuse_address(where, station, "a station")
+        for channels, wires in station.wires.items():
+            for number, wire in enumerate(wires):
+                drive = self._config.drive.get(wire.partition(".")[0])
+                if drive is not None and drive.device == "physical":
+                    raise ValueError(
+                        f"{where}.{channels}[{number}]: {wire!r} is a terminal of a physical drive; an "
+                        "emulated station has emulated drives at its wires"
+                    )
 
     def _analog(self, name: str, drive: AnalogDriveTable) -> None:
         where, config = f"drive.{name}", self._config
@@ -504,6 +512,13 @@ class _Fitting:
                         "go there"
                     )
 
+    def _take_address(self, where: str, address: tuple[str, int]) -> bool:
+        """Note the address of a server; return whether it has a port of its own."""
+        host, port = address
+        if port:
+            _take(self._addresses, (host, port), where, f"port: {host}:{port}")
+        return bool(port)
+
     def _no_modbus(self, where: str, name: str) -> None:
         segment = self._config.segment[name]
         if segment.on_modbus:
@@ -514,15 +529,10 @@ class _Fitting:
     def _on_modbus(self, where: str, drive: ProfidriveModbusTable) -> None:
         segment = self._config.segment[drive.segment]
         if isinstance(segment, TcpTable) and self._config.bench.live:
-            host, port = drive.address(segment)
-            if port:
-                _take(self._addresses, (host, port), where, f"port: {host}:{port}")
-            elif drive.device == "physical":
+            if not self._take_address(where, drive.address(segment)) and drive.device == "physical":
                 raise ValueError(f"{where}.port: the key is missing; it is a physical drive")
             return
-        for key in ("host", "port"):
-            if getattr(drive, key) is not None:
-                raise ValueError(f"{where}.{key}: only a drive on a live network has one")
+        _refuse_address(where, drive, "a drive")
         if isinstance(segment, RtuTable):
             self._line_end(where, drive, segment)
             _take(self._units, (drive.segment, drive.unit), where, f"unit: {drive.unit}")
@@ -594,6 +604,12 @@ def _check_contents(config: BenchConfig, mistakes: _Mistakes) -> None:
 def _read(where: str, read: Callable[[], object]) -> None:
     with located(where):
         read()
+
+
+def _refuse_address(where: str, table: ProfidriveModbusTable | StationTable, what: str) -> None:
+    for key in ("host", "port"):
+        if getattr(table, key) is not None:
+            raise ValueError(f"{where}.{key}: only {what} on a live network has one")
 
 
 def _take(owners: dict[tuple[str, int], str], place: tuple[str, int], where: str, text: str) -> None:

@@ -135,7 +135,6 @@ class Bench:
                 config,
                 self.runtime,
                 self._segments,
-                self._devices.stations,
                 history=self.history,
                 recorder=self.recorder,
             )
@@ -332,13 +331,15 @@ class Bench:
 
     def station(self, name: str | None = None) -> ModbusIoStation:
         """Return an emulated I/O station by name, or the first one:
-        `bench.station("io").input(3)` is a channel.
+        `bench.station("io").input(3)` is a channel. On a live bench it is in another process, and faults are
+        all that it has.
 
         Raises:
             ConfigurationError: There is no such station.
 
         """
-        return named("station", self._devices.stations, name)
+        stations: Mapping[str, Any] = self._devices.stations
+        return named("station", stations, name)  # type: ignore[no-any-return]  # or its stand-in
 
     def segment(self, name: str | None = None) -> Segment:
         """Return a segment by name, or the first one: `CanMedium`, `LiveSegment` or `ModbusSegment`."""

@@ -24,9 +24,8 @@ from motion.s7.cams import Cam
 from motion.s7.handles import AxisHandle, EncoderHandle, ProxyHandle
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
-    from emulators.io import ModbusIoStation
     from fieldbus.history import History
     from hil.bench.config import BenchConfig
     from hil.bench.controller_config import ProxyTable
@@ -57,7 +56,6 @@ class ControlSystem:
         config: The bench file.
         runtime: Cycle of the controller; gets the axes and external encoders.
         segments: The buses.
-        stations: Emulated I/O stations, by name.
         history: Event log.
         recorder: Samples axes and external encoders.
 
@@ -71,7 +69,6 @@ class ControlSystem:
         config: BenchConfig,
         runtime: Runtime,
         segments: Segments,
-        stations: Mapping[str, ModbusIoStation],
         *,
         history: History,
         recorder: Recorder,
@@ -101,7 +98,7 @@ class ControlSystem:
         self.cams: dict[str, CamHandle] = {}
         self._buses = ControllerBuses(config, segments.masters, self.ports, self.links)
         if config.axis:
-            self._connect_stations(segments, stations)
+            self._connect_stations(segments)
         if config.encoder:
             self._connect_encoders(segments)
         errors = ErrorCollector()
@@ -139,12 +136,10 @@ class ControlSystem:
         for link in self.links.values():
             runtime.after_cycle.append(link.exchange)
 
-    def _connect_stations(self, segments: Segments, stations: Mapping[str, ModbusIoStation]) -> None:
-        for name, station in stations.items():
-            section = self._config.station[name]
+    def _connect_stations(self, segments: Segments) -> None:
+        for name, section in self._config.station.items():
             self.links[name] = section.build_link(
                 name,
-                station,
                 segments.modbus[section.segment],
                 grace_cycles=self._config.bench.grace_cycles,
                 history=self._history,

@@ -1045,9 +1045,9 @@ class AnalogDriveTable(_ServoTable, frozen=True):
 
         """
         super().check_bench(where, bench)
-        if bench.live:
+        if self.device == "physical":
             raise ValueError(
-                f'{where}.profile: "analog" is emulated on virtual benches; set bench.kind = "virtual"'
+                f'{where}.device: "physical" is not for an analog drive, whose station is emulated'
             )
 
     def check_segment(self, where: str, segment: SegmentTable) -> None:

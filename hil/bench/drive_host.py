@@ -26,13 +26,13 @@ from fieldbus.history import History
 from hil.bench.config import BenchConfig
 from hil.bench.drive_config import ProfidriveModbusTable
 from hil.bench.emulated import DeviceBuilder, EmulatedDevices
+from hil.bench.io_config import StationTable
 from hil.bench.remote_calls import PARAMETER_METHODS, REMOTE_METHODS, RemoteError
 from hil.bench.segment_config import CanTable, RtuTable, TcpTable
 from hil.record import Recorder
 
 if TYPE_CHECKING:
     from emulators.drive.profidrive import DriveParameters
-    from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
     from fieldbus.can.live import LiveSegment
     from fieldbus.modbus import SocketNetwork
     from hil.bench.emulated import EmulatedPart
@@ -76,8 +76,8 @@ class DriveHost:
         self.segments: dict[str, LiveSegment] = {}
         self.devices = EmulatedDevices()
         self.places: dict[str, tuple[str, int] | str] = {}
-        """Where the drives on Modbus are: host and port, or device file."""
-        self._modbus_drives: list[ProfidriveModbusDrive] = []
+        """Where the drives and stations on Modbus are: host and port, or device file."""
+        self._on_modbus: list[ModbusDevice] = []
         self._networks: list[SocketNetwork] = []
         self.released = False
         self._config = config.model_copy(update={"bench": config.bench.model_copy(update={"kind": "live"})})
@@ -114,24 +114,21 @@ class DriveHost:
                 lossy=True,
             )
 
-    def _serve(self, segment_name: str, name: str, drive: ModbusDevice) -> None:
-        """Put a drive on a TCP port or a pseudo-terminal of its own."""
-        from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
-
-        assert isinstance(drive, ProfidriveModbusDrive)  # I/O stations are for benches in virtual time
-        self._modbus_drives.append(drive)
+    def _serve(self, segment_name: str, name: str, device: ModbusDevice) -> None:
+        """Put a drive or an I/O station on a TCP port or a pseudo-terminal of its own."""
+        self._on_modbus.append(device)
         segment = self._config.segment[segment_name]
         if isinstance(segment, RtuTable):
-            self.places[name] = str(drive.open_terminal(segment.serial_format()).path)
+            self.places[name] = str(device.open_terminal(segment.serial_format()).path)
             return
         from fieldbus.modbus import SocketNetwork
 
-        table = self._config.drive[name]
-        assert isinstance(table, ProfidriveModbusTable)
+        table = self._config.station.get(name) or self._config.drive[name]
+        assert isinstance(table, ProfidriveModbusTable | StationTable)
         assert isinstance(segment, TcpTable)
         network = SocketNetwork(self.scheduler, unread_ns=round(segment.unread_timeout_s * S))
         self._networks.append(network)
-        drive.listen(network, limits=segment.limits())
+        device.listen(network, limits=segment.limits())
         self.places[name] = network.serve(*table.address(segment))
 
     def execute(self, command: Mapping[str, Any]) -> object:
@@ -189,8 +186,8 @@ class DriveHost:
     def close(self) -> None:
         """Leave the buses."""
         self.devices.power_off()
-        for drive in self._modbus_drives:
-            drive.close()
+        for device in self._on_modbus:
+            device.close()
         for network in self._networks:
             network.close()
         for segment in self.segments.values():

@@ -48,7 +48,9 @@ if TYPE_CHECKING:
         | StepperCanDrive
     )
     EmulatedEncoder: TypeAlias = CiA406Encoder | ProfidriveCanEncoder
-    EmulatedPart: TypeAlias = EmulatedDrive | EmulatedEncoder | SecondEncoder | CanopenDevice
+    EmulatedPart: TypeAlias = (
+        EmulatedDrive | EmulatedEncoder | SecondEncoder | CanopenDevice | ModbusIoStation
+    )
     Recorded: TypeAlias = EmulatedDrive | EmulatedEncoder | ModbusIoStation
 
 _SAMPLE_PRIORITY: Final = 100
@@ -73,9 +75,10 @@ class EmulatedDevices:
     """Devices that are made of their EDS alone."""
 
     def find(self, name: str) -> EmulatedPart | None:
-        """Return a drive, an encoder or a device by name; None: there is none."""
+        """Return a drive, an encoder, a device or an I/O station by name; None: there is none."""
         return (
             self.drives.get(name)
+            or self.stations.get(name)
             or self.encoders.get(name)
             or self.devices.get(name)
             or self.second_encoders.get(name)

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from emulators.input_filter import INPUT_FILTER_MS
 from fieldbus.clock import MS
-from hil.bench._table import Table
+from hil.bench._table import Port, Table
 
 if TYPE_CHECKING:
     from emulators.drive.analog import AnalogDrive
@@ -17,9 +17,18 @@ if TYPE_CHECKING:
     from emulators.io import CounterInput, DigitalInput, ModbusIoStation
     from fieldbus.clock import Scheduler
     from fieldbus.history import History
-    from fieldbus.modbus import ConnectionLimits, SerialLine, TcpLink
+    from fieldbus.modbus import (
+        ConnectionLimits,
+        PtyServer,
+        SerialFormat,
+        SerialLine,
+        SocketNetwork,
+        TcpLink,
+    )
+    from fieldbus.modbus.io_image import IoImage
     from hil.bench._site import DeviceSite
     from hil.bench.modbus_links import ModbusSegment
+    from hil.bench.segment_config import TcpTable
     from motion.drives.station import StationInputs, StationLink
 
 LIMITS: Final = ("negative_limit", "positive_limit", "home")
@@ -42,8 +51,9 @@ class WiredStation:
         self._scheduler = scheduler
         self.station = station
         self._processing_ns = processing_ns
+        self._terminal: PtyServer | None = None
 
-    def listen(self, network: TcpLink, *, limits: ConnectionLimits) -> None:
+    def listen(self, network: TcpLink | SocketNetwork, *, limits: ConnectionLimits) -> None:
         """Answer on a network."""
         from fieldbus.modbus import TcpStation
 
@@ -54,6 +64,25 @@ class WiredStation:
             processing_ns=self._processing_ns,
             limits=limits,
         )
+
+    def open_terminal(self, form: SerialFormat) -> PtyServer:
+        """Open a pseudo-terminal that any program takes for its serial port (`path`).
+
+        Raises:
+            OSError: The system has no pseudo-terminal left.
+
+        """
+        from fieldbus.modbus import PtyServer
+
+        self._terminal = PtyServer(
+            self._scheduler, self.station.server, format_=form, processing_ns=self._processing_ns
+        )
+        return self._terminal
+
+    def close(self) -> None:
+        """Take the pseudo-terminal away, if there is one; harmless to repeat."""
+        if self._terminal is not None:
+            self._terminal.close()
 
     def attach(self, line: SerialLine) -> None:
         """Answer on a serial line."""
@@ -75,6 +104,10 @@ class StationTable(Table, frozen=True):
     """Name of the Modbus segment to which it is connected."""
     unit: Annotated[int, Field(ge=1, le=247)] = 1
     """Address; each once on a serial line."""
+    host: Annotated[str, Field(min_length=1)] | None = None
+    """Host of this station on a live network; none: as the segment says."""
+    port: Port | None = None
+    """TCP port of this station on a live network; none: that of the segment."""
     digital_inputs: tuple[str, ...] = ()
     """Per channel `DRIVE.negative_limit`, `.positive_limit`, `.home`, `.probe1`, `.probe2`, of an analog
     drive `.ready`; `""` = nothing.
@@ -104,6 +137,22 @@ class StationTable(Table, frozen=True):
                 f"{len(self.digital_inputs)} digital_inputs"
             )
         return self
+
+    def address(self, segment: TcpTable) -> tuple[str, int]:
+        """Return host and port on a live network."""
+        return self.host or segment.host, segment.port if self.port is None else self.port
+
+    def image(self) -> IoImage:
+        """Return where the channels stand in the process image."""
+        from fieldbus.modbus.io_image import IoImage
+
+        return IoImage(
+            digital_inputs=len(self.digital_inputs),
+            digital_outputs=len(self.digital_outputs),
+            analog_inputs=self.analog_inputs,
+            analog_outputs=len(self.analog_outputs),
+            counters=len(self.counters),
+        )
 
     @property
     def wires(self) -> dict[Channels, tuple[str, ...]]:
@@ -182,7 +231,6 @@ class StationTable(Table, frozen=True):
     def build_link(
         self,
         name: str,
-        station: ModbusIoStation,
         segment: ModbusSegment,
         *,
         grace_cycles: int,
@@ -193,7 +241,7 @@ class StationTable(Table, frozen=True):
 
         return StationLink(
             segment.client(name),
-            station.image,
+            self.image(),
             unit=self.unit,
             grace_cycles=grace_cycles,
             name=name,

@@ -25,7 +25,7 @@ from hil.bench.segment_config import ModbusTable, TcpTable
 
 if TYPE_CHECKING:
     from fieldbus.clock import Scheduler
-    from fieldbus.modbus import Change, ConnectionLimits, LinkHook, LogEntry, SerialFormat
+    from fieldbus.modbus import Change, ConnectionLimits, LinkHook, LogEntry, PtyServer, SerialFormat
     from fieldbus.modbus.tcp_client import Connector
     from motion.drives.profidrive_modbus import ProfidriveModbusPort
 
@@ -39,11 +39,17 @@ _OUTSTANDING: Final = 16
 class ModbusDevice(Protocol):
     """An emulated drive or station that answers on Modbus."""
 
-    def listen(self, network: TcpLink, *, limits: ConnectionLimits) -> object:
+    def listen(self, network: TcpLink | SocketNetwork, *, limits: ConnectionLimits) -> object:
         """Serve a virtual network."""
 
     def attach(self, line: SerialLine) -> object:
         """Answer on a virtual serial line."""
+
+    def open_terminal(self, form: SerialFormat, /) -> PtyServer:
+        """Answer on a pseudo-terminal of this machine."""
+
+    def close(self) -> None:
+        """Take the pseudo-terminal away, if there is one."""
 
 
 @dataclass

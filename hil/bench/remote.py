@@ -24,13 +24,12 @@ from fieldbus.errors import HilError
 from fieldbus.history import Event
 from hil.bench.device_config import DEVICE_METHODS
 from hil.bench.encoders import ENCODER_METHODS
-from hil.bench.remote_calls import RemoteError
+from hil.bench.remote_calls import STATION_METHODS, RemoteError
 from hil.errors import BlockedError
 from hil.faults import DRIVE_METHODS
 from hil.record import TraceGroup
 
 if TYPE_CHECKING:
-    from emulators.io import ModbusIoStation
     from fieldbus.clock import RealtimeScheduler, Scheduler
     from hil.bench.config import BenchConfig
 
@@ -239,8 +238,7 @@ class RemoteDevices:
         }
         self.encoders = {name: RemoteDrive(self, name, ENCODER_METHODS) for name in config.emulated_encoders}
         self.devices = {name: RemoteDrive(self, name, DEVICE_METHODS) for name in config.device}
-        self.stations: dict[str, ModbusIoStation] = {}
-        """None: I/O stations are for benches in virtual time."""
+        self.stations = {name: RemoteDrive(self, name, STATION_METHODS) for name in config.station}
 
     def call(
         self,

@@ -12,7 +12,12 @@ from hil.faults import DRIVE_METHODS
 PARAMETER_METHODS: Final = frozenset(("read_parameter", "write_parameter", "request_parameters"))
 """What `RemoteParameters` sends through the pipe."""
 
-REMOTE_METHODS: Final = DRIVE_METHODS | ENCODER_METHODS | DEVICE_METHODS
+STATION_METHODS: Final = frozenset(
+    ("power_off", "power_on", "check_channel", "hold", "break_wire", "rewire", "disturb")
+)
+"""Methods of `IoStation` that faults call."""
+
+REMOTE_METHODS: Final = DRIVE_METHODS | ENCODER_METHODS | DEVICE_METHODS | STATION_METHODS
 """Methods of any device that may be called through the pipe."""
 
 

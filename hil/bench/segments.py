@@ -9,6 +9,7 @@ from fieldbus.canopen.master import CanopenMaster
 from fieldbus.clock import MS, S
 from fieldbus.errors import BusError, HilError
 from hil.bench.drive_config import ProfidriveModbusTable
+from hil.bench.io_config import StationTable
 from hil.bench.segment_config import CanTable, RtuTable, SegmentTable, TcpTable
 from hil.errors import BlockedError
 
@@ -118,27 +119,29 @@ class Segments:
         return live
 
     def connect_drives(self, places: Mapping[str, tuple[str, int] | str]) -> None:
-        """Connect the controller to the drives on live Modbus.
+        """Connect the controller to the drives and I/O stations on live Modbus.
 
         Args:
-            places: Host and port, or device file, of the drives that are not where the bench file says.
+            places: Host and port, or device file, of those that are not where the bench file says.
 
         Raises:
             BlockedError: A serial line cannot be opened.
 
         """
-        for name, drive in self._config.drive.items():
-            if not isinstance(drive, ProfidriveModbusTable):
-                continue
-            segment = self.modbus[drive.segment]
-            section = self._config.segment[drive.segment]
+        drives: dict[str, ProfidriveModbusTable | StationTable] = {
+            name: one for name, one in self._config.drive.items() if isinstance(one, ProfidriveModbusTable)
+        }
+        stations: dict[str, ProfidriveModbusTable | StationTable] = {**self._config.station}
+        for name, device in (drives | stations).items():
+            segment = self.modbus[device.segment]
+            section = self._config.segment[device.segment]
             place = places.get(name)
             try:
                 if isinstance(section, RtuTable):
                     path = place if isinstance(place, str) else section.path or ""
                     segment.open(name, path, section.serial_format())
                 elif isinstance(section, TcpTable):
-                    host, port = place if isinstance(place, tuple) else drive.address(section)
+                    host, port = place if isinstance(place, tuple) else device.address(section)
                     segment.connect(name, host, port)
             except BusError as error:
                 raise BlockedError(str(error)) from error

@@ -804,8 +804,8 @@ class IoStation(Part, Protocol):
     def power_on(self) -> None:
         """Switch it on."""
 
-    def channel(self, kind: str, number: int) -> object:
-        """Return a channel; `ConfigurationError` if there is none."""
+    def check_channel(self, kind: str, number: int) -> None:
+        """Raise `ConfigurationError` if there is no such channel."""
 
     def hold(self, kind: str, number: int, value: float | None) -> None:
         """Hold a channel at a value; None ends it."""

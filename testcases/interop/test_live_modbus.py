@@ -16,6 +16,7 @@ from hil.bench.bench import Bench
 from hil.bench.bench_file import parse, read
 from hil.campaign import CaseSettings, execute_case
 from hil.errors import BlockedError
+from hil.faults import Injector
 from reports.model import Verdict
 from testcases.campaigns import stop_modes
 from testcases.processes import Reader, hil_command
@@ -110,6 +111,42 @@ def test_a_physical_drive_is_that_of_hil_emulate(kind, tmp_path):
     finally:
         drives.kill()
     assert not link.is_symlink()
+
+
+def station_bench(kind):
+    """Return the embedded bench `analog` as a live one over TCP or on a serial line, with patience."""
+    segment = {"tcp": "", "rtu": "baud = 115200\n"}[kind]
+    text = (
+        read("analog")[1]
+        .replace('kind = "virtual"', 'kind = "live"')
+        .replace("watchdog_ms = 20.0\n", "watchdog_ms = 3000.0\n")
+    )
+    for key, value in PATIENT.items():
+        text = re.sub(rf"^{re.escape(key)} = .*$", f"{key} = {value}", text, flags=re.MULTILINE)
+    return (
+        text.replace("[segment.", TOLERANCE, 1)
+        .replace("off3_ramp_s = 0.5\n", "off3_ramp_s = 0.5\nvelocity_time_constant_ms = 8.0\n")
+        .replace('kind = "modbus_tcp"\n', f'kind = "modbus_{kind}"\ntimeout_ms = 500\n{segment}')
+    )
+
+
+@pytest.mark.parametrize("kind", ["tcp", "rtu"])
+def test_an_analog_drive_at_a_station_of_another_process(kind):
+    """Enable, setpoint, encoder and switches go through a station on loopback TCP or a pseudo-terminal;
+    without its supply the axis loses its drive.
+    """
+    with Bench(parse(station_bench(kind), "live.toml"), seed=1) as machine:
+        axis = machine.axis()
+        power = axis.power()
+        assert machine.run_until(power.status, 20.0)
+        assert machine.run_until(axis.home(0.0).done, 10.0)
+        assert machine.run_until(axis.move_absolute(20.0, Velocity=60.0).done, 20.0)
+        assert machine.run_until(lambda: abs(axis.var("ActualPosition") - 20.0) < 1.0, 20.0)
+        armed = Injector(machine).inject("io.power_off", "io")
+        assert machine.run_until(lambda: not power.Status, 20.0)
+        armed.remove()
+        assert "io.count0" in machine.trace()
+        assert "drive1.position" in machine.trace()
 
 
 def test_a_drive_that_is_not_there_blocks_the_bench():

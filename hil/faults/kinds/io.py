@@ -40,7 +40,7 @@ def _held(injection: Injection, kind: str, value: float) -> tuple[str, Override[
     share it.
     """
     station, number = _find_station(injection), injection.values.integer("number")
-    station.channel(kind, number)
+    station.check_channel(kind, number)
     return station.name, injection.override(
         (station.name, "stuck", kind, number),
         value,
@@ -63,7 +63,7 @@ def _bounce(injection: Injection) -> Action:
 def _break_wire(injection: Injection) -> Action:
     station, values = _find_station(injection), injection.values
     kind, number = values.text("channel"), values.integer("number")
-    station.channel(kind, number)
+    station.check_channel(kind, number)
     override = injection.override(
         (station.name, "wire", kind, number),
         True,
@@ -77,7 +77,7 @@ def _swap(injection: Injection) -> Action:
     station, values = _find_station(injection), injection.values
     kind, pair = values.text("channel"), (values.integer("number"), values.integer("other"))
     for number in pair:
-        station.channel(kind, number)
+        station.check_channel(kind, number)
     override = injection.override(
         (station.name, "wires", kind),
         pair,
@@ -91,7 +91,7 @@ def _swap(injection: Injection) -> Action:
 def _disturb(injection: Injection) -> Action:
     station, values = _find_station(injection), injection.values
     kind, number = values.text("channel"), values.integer("number")
-    station.channel(kind, number)
+    station.check_channel(kind, number)
 
     def disturb(offset: float = 0.0, gain: float = 1.0, noise: float = 0.0) -> None:
         station.disturb(kind, number, offset=offset, gain=gain, noise=noise)
@@ -108,7 +108,6 @@ def _disturb(injection: Injection) -> Action:
 # -- kinds -----------------------------------------------------------------------------------------------
 
 _REFUSED: Final[dict[Environment, str]] = {
-    "live": "stations are emulated on virtual benches only",
     "hardware": "there is no seam at a physical one; it would need switched I/O between station and machine",
 }
 _TERMINAL_REFUSED: Final[dict[Environment, str]] = {"hardware": _REFUSED["hardware"]}

@@ -409,7 +409,6 @@ WRONG = [
     ),
     (ANALOG.replace("[station.io]", "[station.net0]"), "a segment has this name already"),
     (ANALOG.replace("[station.io]", '[station."i.o"]'), "has no dot"),
-    (ANALOG.replace('kind = "virtual"', 'kind = "live"'), "stations are emulated on virtual benches"),
     (
         ANALOG.replace('type = "positioning"', 'type = "positioning"\ninputs = "oi"'),
         "'oi' is not a station; there are: io",
