@@ -371,12 +371,28 @@ def emulate(
             help="TCP port of the first drive on Modbus TCP; the next ones follow.",
         ),
     ] = 0,
+    ads: Annotated[
+        bool,
+        typer.Option(
+            "--ads", help="Serve the NC of the bench to ADS clients instead, at --host and --port (48898)."
+        ),
+    ] = False,
+    net_id: Annotated[str, typer.Option("--net-id", metavar="ID", help="AMS NetID of it.")] = "127.0.0.1.1.1",
     seed: SeedOption = 0,
     duration: Annotated[
         float, typer.Option("--for", metavar="S", help="End after S seconds; 0: with Ctrl-C.")
     ] = 0.0,
 ) -> None:
     """Run the emulated drives of a bench on a live bus, for a controller of your own."""
+    if ads:
+        from hil._commands.ads import serve_ads
+
+        given = (interface, channel, *(option or ()), adapter, link)
+        if any(given):
+            raise typer.BadParameter(
+                "--ads serves the bench as its file describes it: no other bus, adapter or link"
+            )
+        raise typer.Exit(serve_ads(bench, host=host, port=port, net=net_id, seed=seed, duration_s=duration))
     from hil._commands.emulate import Place, emulate_bench
 
     raise typer.Exit(

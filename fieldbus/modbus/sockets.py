@@ -193,7 +193,7 @@ class SocketNetwork:
         try:
             listener = socket.create_server((host, port), backlog=_BACKLOG)
         except OSError as error:
-            raise BusError(f"Modbus TCP server at {host}:{port}: {error.strerror or error}") from None
+            raise BusError(f"TCP server at {host}:{port}: {error.strerror or error}") from None
         listener.setblocking(False)
         address: tuple[str, int] = listener.getsockname()[:2]
         self._order(lambda: self._listen(listener))

@@ -1,0 +1,238 @@
+"""What a bench with axes of an NC shows over ADS: process images, status, blocks and parameters as
+symbols.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+from fieldbus.ads import NC_PORT, PLC_PORT, AdsError, AdsState, Area, Memory, Port, Symbol, variable
+from fieldbus.errors import ConfigurationError
+from motion.nc.blocks import (
+    MC_Halt,
+    MC_Home,
+    MC_Jog,
+    MC_MoveAbsolute,
+    MC_MoveRelative,
+    MC_MoveVelocity,
+    MC_Power,
+    MC_Reset,
+    MC_SetPosition,
+    MC_Stop,
+)
+from motion.nc.interface import NC_TO_PLC_SIZE, PLC_TO_NC_SIZE, STATUS_BITS, PlcToNc
+from motion.nc.parameters import catalogue
+
+if TYPE_CHECKING:
+    from motion.nc.blocks import Block
+    from motion.nc.handles import NcAxisHandle
+    from motion.nc.tasks import NcRuntime
+
+PLC_TO_NC: Final = (
+    ("ControlDWord", "DWORD", 0),
+    ("Override", "UDINT", 4),
+    ("AxisModeRequest", "UDINT", 8),
+    ("AxisModeDWord", "UDINT", 12),
+    ("AxisModeLReal", "LREAL", 16),
+    ("PositionCorrection", "LREAL", 24),
+    ("ExtSetPos", "LREAL", 32),
+    ("ExtSetVelo", "LREAL", 40),
+    ("ExtSetAcc", "LREAL", 48),
+    ("ExtSetDirection", "DINT", 56),
+    ("ExtControllerOutput", "LREAL", 64),
+    ("GearRatio1", "LREAL", 72),
+    ("GearRatio2", "LREAL", 80),
+    ("GearRatio3", "LREAL", 88),
+    ("GearRatio4", "LREAL", 96),
+    ("MapState", "BYTE", 104),
+    ("PlcCycleControl", "BYTE", 105),
+    ("PlcCycleCount", "BYTE", 106),
+    ("ExtTorque", "LREAL", 112),
+)
+"""Members of `PLCTONC_AXIS_REF` with types and offsets, byte."""
+NC_TO_PLC: Final = (
+    ("StateDWord", "DWORD", 0),
+    ("ErrorCode", "UDINT", 4),
+    ("AxisState", "UDINT", 8),
+    ("AxisModeConfirmation", "UDINT", 12),
+    ("HomingState", "UDINT", 16),
+    ("CoupleState", "UDINT", 20),
+    ("SvbEntries", "UDINT", 24),
+    ("SafEntries", "UDINT", 28),
+    ("AxisId", "UDINT", 32),
+    ("OpModeDWord", "DWORD", 36),
+    ("ActPos", "LREAL", 40),
+    ("ModuloActPos", "LREAL", 48),
+    ("ActiveControlLoopIndex", "UINT", 56),
+    ("ControlLoopIndex", "UINT", 58),
+    ("ModuloActTurns", "DINT", 60),
+    ("ActVelo", "LREAL", 64),
+    ("PosDiff", "LREAL", 72),
+    ("SetPos", "LREAL", 80),
+    ("SetVelo", "LREAL", 88),
+    ("SetAcc", "LREAL", 96),
+    ("TargetPos", "LREAL", 104),
+    ("ModuloSetPos", "LREAL", 112),
+    ("ModuloSetTurns", "DINT", 120),
+    ("CmdNo", "UINT", 124),
+    ("CmdState", "UINT", 126),
+    ("SetJerk", "LREAL", 128),
+    ("SetTorque", "LREAL", 136),
+    ("ActTorque", "LREAL", 144),
+    ("StateDWord2", "DWORD", 152),
+    ("StateDWord3", "DWORD", 156),
+    ("TouchProbeState", "UDINT", 160),
+    ("TouchProbeCounter", "UDINT", 164),
+    ("ActTorqueDerivative", "LREAL", 192),
+    ("SetTorqueDerivative", "LREAL", 200),
+    ("ActPosWithoutPosCorrection", "LREAL", 224),
+    ("ActAcc", "LREAL", 232),
+    ("DcTimeStamp", "UDINT", 240),
+)
+"""Members of `NCTOPLC_AXIS_REF` with types and offsets, byte."""
+BLOCKS: Final[Mapping[str, type[Block]]] = {
+    "Power": MC_Power,
+    "Reset": MC_Reset,
+    "SetPosition": MC_SetPosition,
+    "Home": MC_Home,
+    "MoveAbsolute": MC_MoveAbsolute,
+    "MoveRelative": MC_MoveRelative,
+    "MoveVelocity": MC_MoveVelocity,
+    "Jog": MC_Jog,
+    "Halt": MC_Halt,
+    "Stop": MC_Stop,
+}
+"""Instances that the PLC calls for every axis."""
+_OUTPUTS: Final = ("Status", "Done", "Busy", "Active", "InVelocity", "CommandAborted", "Error", "ErrorID")
+_TYPES: Final = {"bool": "BOOL", "uint32": "UDINT", "float": "LREAL", "enum": "DINT"}
+"""Type of a parameter -> type of its symbol."""
+
+
+def ads_ports(nc: NcRuntime, axes: Mapping[str, NcAxisHandle]) -> dict[int, Port]:
+    """Return what an NC and its PLC have over ADS.
+
+    The PLC gets instances of the blocks for every axis, which only its symbols command.
+
+    Args:
+        nc: The NC.
+        axes: Its axes, by name.
+
+    """
+    plc, online = Memory(), Memory()
+    for name, axis in axes.items():
+        _images(plc, f"GVL.{name}", axis)
+        for block, kind in BLOCKS.items():
+            _block(plc, f"MAIN.{name}_{block}", axis.run(kind(axis.ref)))
+        _parameters(online, f"Axes.{name}", axis)
+    return {
+        PLC_PORT: Port(
+            plc, lambda: AdsState.RUN if nc.plc_running else AdsState.STOP, _control(nc), "Plc30 App"
+        ),
+        NC_PORT: Port(online, lambda: AdsState.RUN, _refuse, "TCNC"),
+    }
+
+
+def _control(nc: NcRuntime) -> Callable[[int], int]:
+    def control(state: int) -> int:
+        if state not in (AdsState.RUN, AdsState.STOP):
+            return AdsError.INVALID_STATE
+        nc.plc_running = state == AdsState.RUN
+        return 0
+
+    return control
+
+
+def _refuse(state: int) -> int:
+    return 0 if state == AdsState.RUN else AdsError.SERVICE_NOT_SUPPORTED
+
+
+def _images(memory: Memory, name: str, axis: NcAxisHandle) -> None:
+    ref = axis.ref
+
+    def write(image: bytes) -> int:
+        given = PlcToNc()
+        given.unpack(image)
+        if not all(map(math.isfinite, vars(given).values())):
+            return AdsError.INVALID_DATA
+        ref.PlcToNc.unpack(image)
+        return 0
+
+    def image() -> bytes:
+        return ref.NcToPlc.pack()  # another object in every cycle
+
+    for part, kind, members, area in (
+        ("PlcToNc", "PLCTONC_AXIS_REF", PLC_TO_NC, Area(PLC_TO_NC_SIZE, ref.PlcToNc.pack, write)),
+        ("NcToPlc", "NCTOPLC_AXIS_REF", NC_TO_PLC, Area(NC_TO_PLC_SIZE, image)),
+    ):
+        offset = memory.add(area)
+        memory.name(Symbol(f"{name}.{part}", kind, offset, area.size))
+        for member, type_name, place in members:
+            size = {"BYTE": 1, "UINT": 2, "LREAL": 8}.get(type_name, 4)
+            memory.name(Symbol(f"{name}.{part}.{member}", type_name, offset + place, size))
+    for member, bit in STATUS_BITS.items():
+        variable(memory, f"{name}.Status.{member}", "BOOL", _bit(axis, int(bit)))
+
+
+def _bit(axis: NcAxisHandle, bit: int) -> Callable[[], float]:
+    return lambda: axis.ref.NcToPlc.StateDWord & bit != 0
+
+
+def _block(memory: Memory, name: str, block: Any) -> None:
+    for key, default in block.inputs.items():
+        type_name = "BOOL" if isinstance(default, bool) else "LREAL" if isinstance(default, float) else "DINT"
+        variable(
+            memory, f"{name}.{key}", type_name, _getter(block, key), _setter(block, key), comment="input"
+        )
+    for key in _OUTPUTS:
+        if key in vars(block):
+            variable(memory, f"{name}.{key}", "UDINT" if key == "ErrorID" else "BOOL", _getter(block, key))
+
+
+def _getter(block: Any, key: str) -> Callable[[], float]:
+    return lambda: getattr(block, key)
+
+
+def _setter(block: Any, key: str) -> Callable[[float], int]:
+    def set_(value: float) -> int:
+        if not math.isfinite(value):
+            return AdsError.INVALID_DATA
+        block.set(**{key: value})
+        return 0
+
+    return set_
+
+
+def _parameters(memory: Memory, name: str, axis: NcAxisHandle) -> None:
+    for key, one in catalogue().items():
+        type_name = _TYPES.get(one.type)
+        if type_name is None:
+            continue
+        choices = one.choices if one.type == "enum" else ()
+        variable(
+            memory,
+            f"{name}.{key}",
+            type_name,
+            _parameter_getter(axis, key, whole=type_name in ("DINT", "UDINT")),
+            _parameter_setter(axis, key, choices),
+            comment=one.name,
+        )
+
+
+def _parameter_getter(axis: NcAxisHandle, key: str, *, whole: bool) -> Callable[[], float]:
+    cell = axis.object.parameters.cell(key)
+    return lambda: int(cell.value) if whole else cell.value
+
+
+def _parameter_setter(axis: NcAxisHandle, key: str, choices: tuple[str, ...]) -> Callable[[float], int]:
+    def set_(value: float) -> int:
+        if choices and not 0 <= value < len(choices):
+            return AdsError.INVALID_DATA
+        try:
+            axis.write_parameter(key, choices[int(value)] if choices else value)
+        except ConfigurationError:
+            return AdsError.INVALID_DATA
+        return 0
+
+    return set_
