@@ -32,10 +32,12 @@ from testcases.campaigns import (
     homing,
     limits,
     modbus_faults,
+    modbus_services,
     monitoring,
     motion_in,
     nc_axes,
     profidrive_positioner,
+    profidrive_speed,
     profidrive_words,
     stop_modes,
     telegram_faults,
@@ -60,6 +62,8 @@ ON_CANOPEN = (*SMALL_ON_CANOPEN, *LARGE)
 ON_PROFIDRIVE = (drive_faults.CAMPAIGN, telegram_faults.CAMPAIGN)
 SAMPLED_ON_PROFIDRIVE = (*LARGE, monitoring.CAMPAIGN)
 """What the controller does, whatever its drive; causes inside of a drive are in the campaigns above."""
+SERVICES = "testcases.campaigns.modbus_services"
+SPEED = "testcases.campaigns.profidrive_speed:BENCH"
 POSITIONER = "testcases.campaigns.profidrive_positioner:BENCH"
 WITH_ENCODERS = "testcases.campaigns.external_encoder:{}"
 BLOCKED = {
@@ -158,6 +162,9 @@ def bench_file(name):
         *cases("testcases.campaigns._led_servo:BENCH", "cia402", [cia402_modes.CAMPAIGN], sampled=True),
         *cases("testcases.campaigns._led_servo:BENCH", "cia402", [canopen_services.CAMPAIGN], sampled=True),
         *cases("testcases.campaigns.encoders:BENCH", "profidrive", [encoders.CAMPAIGN], sampled=True),
+        *cases(f"{SERVICES}:TCP", "profidrive", [modbus_services.CAMPAIGN], sampled=True),
+        *cases(f"{SERVICES}:LINE", "profidrive", [modbus_services.ON_A_LINE], sampled=True),
+        *cases(SPEED, "profidrive", [profidrive_speed.CAMPAIGN], sampled=True),
         *cases(POSITIONER, "profidrive", [profidrive_positioner.CAMPAIGN], sampled=True),
         *cases("testcases.campaigns.nc_axes:BENCH", "cia402", [nc_axes.CAMPAIGN], sampled=True),
         *cases(WITH_ENCODERS.format("REFERENCE"), "cia402", [external_encoder.CAMPAIGN], sampled=True),
