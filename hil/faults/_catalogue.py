@@ -8,6 +8,7 @@ from fieldbus.errors import UnknownNameError
 from hil.faults._kind import Family, FaultType
 from hil.faults.kinds import (
     axis,
+    cam,
     can,
     controller,
     drive,
@@ -34,6 +35,7 @@ FAMILIES: Final[tuple[Family, ...]] = (
     io.FAMILY,
     controller.FAMILY,
     axis.FAMILY,
+    cam.FAMILY,
 )
 CATALOGUE: Final[tuple[FaultType, ...]] = tuple(kind for family in FAMILIES for kind in family.kinds)
 

@@ -50,7 +50,9 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 S = TypeVar("S")
 Work = Callable[[], None]
-TargetKind = Literal["segment", "drive", "axis", "switch", "mechanics", "encoder", "station", "controller"]
+TargetKind = Literal[
+    "segment", "drive", "axis", "switch", "mechanics", "encoder", "station", "controller", "cam"
+]
 
 
 @dataclass(frozen=True)

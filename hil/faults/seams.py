@@ -874,6 +874,27 @@ class ProgrammedController(Protocol):
         """Start again."""
 
 
+class WritableCam(Protocol):
+    """A cam of the controller, as its program writes it."""
+
+    def shift_following_values(self, shift: float) -> None:
+        """Add to the following values of all valid points and segments."""
+
+    def interpolate(self) -> object:
+        """Start `MC_InterpolateCam`."""
+
+
+class BenchWithCams(Protocol):
+    """A bench whose controller has cams."""
+
+    @property
+    def cam_names(self) -> tuple[str, ...]:
+        """Their names."""
+
+    def cam(self, name: str) -> WritableCam:
+        """Return a cam by its name."""
+
+
 class RaisesAlarms(Protocol):
     """The alarms of a technology object."""
 

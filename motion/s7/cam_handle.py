@@ -127,6 +127,15 @@ class CamHandle:
             self.write(f"Segment[{index}].{field}", value)
         self.write(f"ValidSegment[{index}]", valid)
 
+    def shift_following_values(self, shift: float) -> None:
+        """Add to the following values of all points and segments; it acts with the next interpolation."""
+        kind = self.object.data.kind
+        for element, value, count in (("Point", "y", kind.points), ("Segment", "a0", kind.segments)):
+            for number in range(1, count + 1):
+                if self.var(f"Valid{element}[{number}]"):
+                    path = f"{element}[{number}].{value}"
+                    self.write(path, self.var(path) + shift)
+
     def run(self, instance: _T) -> _T:
         """Hand an instance of your own to the runtime."""
         self._runtime.call(instance)

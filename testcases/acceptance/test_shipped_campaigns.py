@@ -19,6 +19,7 @@ from testcases.campaigns import (
     axis_faults,
     axis_motion,
     axis_signals,
+    camming,
     canopen_services,
     cia402_drive,
     cia402_modes,
@@ -28,8 +29,10 @@ from testcases.campaigns import (
     encoders,
     external_encoder,
     fault_reactions,
+    gearing,
     holding_brake,
     homing,
+    leading_values,
     limits,
     modbus_faults,
     modbus_services,
@@ -134,6 +137,12 @@ def cases(bench, profile, campaigns, *, sampled=False):
             yield pytest.param(bench, case, id=f"{bench.rpartition(':')[2]}-{case.identifier}", marks=marks)
 
 
+def few(bench, campaigns):
+    """Yield every fourth case of the samples of campaigns whose bench has several axes."""
+    for campaign in campaigns:
+        yield from list(cases(bench, "cia402", [campaign], sampled=True))[:: None if WHOLE else 4]
+
+
 @cache
 def bench_file(name):
     return load_bench_file(name)
@@ -169,6 +178,9 @@ def bench_file(name):
         *cases("testcases.campaigns.nc_axes:BENCH", "cia402", [nc_axes.CAMPAIGN], sampled=True),
         *cases(WITH_ENCODERS.format("REFERENCE"), "cia402", [external_encoder.CAMPAIGN], sampled=True),
         *cases(WITH_ENCODERS.format("PROFIDRIVE"), "profidrive", [external_encoder.CAMPAIGN], sampled=True),
+        *few("synchronous", [gearing.CAMPAIGN, camming.CAMPAIGN, leading_values.CAMPAIGN]),
+        *few("testcases.campaigns.leading_values:ACTUAL", [leading_values.COUPLINGS]),
+        *few("testcases.campaigns.leading_values:MODULO", [leading_values.RANGES]),
     ],
 )
 def test_case_passes(bench, case):

@@ -15,7 +15,7 @@ from hil.matrix import load_matrix
 from reports.model import Verdict
 
 FOLDER = Path(__file__).parents[1] / "campaigns"
-PROFILE = {"reference": "cia402", "fast": "cia402"}
+PROFILE = {"reference": "cia402", "fast": "cia402", "synchronous": "cia402"}
 STEP = {"stops_of_jobs": 14, "stops_on_stops": 17}
 """A prime number against every size of a factor would be best; these keep the sample small and mixed."""
 

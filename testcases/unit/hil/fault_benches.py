@@ -63,6 +63,7 @@ FILES: dict[str, Callable[[], BenchFile]] = {
     "rtu": lambda: _file("profidrive_rtu"),
     "analog": lambda: _file("analog"),
     "stepper": lambda: _file("stepper"),
+    "cam": lambda: _file("reference", "\n[cam.knife]\npoints = [[0.0, 0.0], [90.0, 20.0]]\n"),
 }
 
 
@@ -95,6 +96,7 @@ DEFAULTS = {
     "io.": "analog",
     "terminal.": "analog",
     "pto.": "stepper",
+    "cam.": "cam",
 }
 SITUATIONS = {
     "can.transmit_overrun": Situation(meanwhile="crowd"),

@@ -152,6 +152,7 @@ OTHERS = {
     "encoder": "axis1",
     "station": "drive1",
     "controller": "drive1",
+    "cam": "drive1",
 }
 
 

@@ -1,0 +1,277 @@
+"""Leading values: setpoints, actual values, external encoders and their faults; leading axes that stand, turn
+round, wrap, or are not position-controlled.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from hil.bench import BenchFile, load_bench
+from hil.campaign import Campaign, CaseContext
+from hil.expect import alarm, follows, happens, no_alarm, standstill
+from hil.record import event
+from testcases.campaigns._synchronous import (
+    BENCH,
+    DISTANCE,
+    FOLLOWER,
+    LEADER,
+    MATERIAL,
+    SPEED,
+    Machine,
+    applied,
+    bring,
+    machine,
+)
+
+ACTUAL: Final[BenchFile] = load_bench(BENCH).configured(
+    {"axis": {FOLLOWER: {"coupling": {LEADER: "actual"}}}}
+)
+"""The bench whose first follower takes the actual value of the leading axis."""
+_MODULO: Final = {
+    "Modulo.Enable": True, "Modulo.StartValue": 0.0, "Modulo.Length": 40.0,
+}  # fmt: skip
+MODULO: Final[BenchFile] = load_bench(BENCH).configured({"axis": {LEADER: {"variables": _MODULO}}})
+"""The bench whose leading axis counts from 0 to 40 mm, again and again."""
+_HERE: Final = "testcases.campaigns.leading_values"
+
+CAMPAIGN: Final = Campaign("leading values", tags=("synchronous",), bench=BENCH)
+COUPLINGS: Final = Campaign("leading actual values", tags=("synchronous",), bench=f"{_HERE}:ACTUAL")
+RANGES: Final = Campaign("leading modulo values", tags=("synchronous",), bench=f"{_HERE}:MODULO")
+
+
+def _behind_material(ctx: CaseContext) -> tuple[Machine, Any, Any]:
+    """Let the follower be in gear 1:1 behind the external encoder; returns machine, encoder and job."""
+    here = machine(ctx)
+    material = ctx.bench.external_encoder(MATERIAL)
+    ctx.wait_until(material.power().status, 3.0, "the external encoder is enabled")
+    here.lead()
+    ctx.run_for(0.3)
+    ctx.do("MC_GearIn 1:1 behind the external encoder")
+    job = here.follower.gear_in(material, 1, 1)
+    ctx.wait_until(job.in_gear, 3.0, "the axis is in gear")
+    ctx.run_for(0.2)
+    return here, material, job
+
+
+@CAMPAIGN.case("external-encoder", title="An external encoder leads", requirements=("SYN-020",))
+def external_encoder(ctx: CaseContext) -> None:
+    """The follower moves as the material does, through changes of its velocity and at standstill."""
+    here, _, job = _behind_material(ctx)
+    begin = ctx.now_s
+    here.lead(150.0)
+    ctx.run_for(0.5)
+    here.leader.halt()
+    ctx.run_for(0.6)
+    ctx.measure("InGear", float(job.InGear), low=1.0)
+    ctx.expect(
+        # The extrapolation overshoots by the time of a change of acceleration.
+        follows(FOLLOWER, f"{LEADER}.actual_position", 1.0, since=begin, tolerance=1.0),
+        no_alarm(),
+    )
+    ctx.expect(standstill(by=ctx.now_s - 0.1, axis=FOLLOWER))
+
+
+@CAMPAIGN.case("encoder/frozen", title="The leading encoder is frozen")
+def frozen(ctx: CaseContext) -> None:
+    """The leading value stands, and the follower with it, in gear, though the material runs on."""
+    here, _, job = _behind_material(ctx)
+    ctx.inject("encoder.freeze", "scale")
+    ctx.run_for(0.5)
+    ctx.measure("InGear", float(job.InGear), low=1.0)
+    ctx.expect(no_alarm(since=applied()), standstill(by=ctx.now_s - 0.2, axis=FOLLOWER))
+    ctx.measure("velocity of the leading axis", here.leader.var("Velocity"), "mm/s", low=SPEED, high=SPEED)
+
+
+@CAMPAIGN.case("encoder/back", title="A frozen leading encoder comes back", requirements=("SYN-307",))
+def back(ctx: CaseContext) -> None:
+    """The leading value jumps, the follower cannot, and says so with alarm 521; it stays where it stops."""
+    _, _, job = _behind_material(ctx)
+    ctx.inject("encoder.freeze", "scale", duration_s=0.3)
+    ctx.run_for(1.0)
+    ctx.expect(alarm(521, reaction=4, since=event("fault.removed"), axis=FOLLOWER).covers("SYN-307"))
+    ctx.measure(f"ErrorID of {job.name}", job.ErrorID, low=0x8001, high=0x8001)
+    ctx.expect(standstill(by=ctx.now_s - 0.2, axis=FOLLOWER))
+
+
+@CAMPAIGN.case("encoder/jump", title="The leading encoder jumps", requirements=("SYN-307",))
+def jump(ctx: CaseContext) -> None:
+    """A step of 20 mm of the leading value is more than the follower permits: alarm 521."""
+    _, _, job = _behind_material(ctx)
+    ctx.inject("encoder.jump", "scale", increments=20_000)
+    ctx.run_for(0.5)
+    ctx.expect(alarm(521, reaction=4, since=applied(), axis=FOLLOWER).covers("SYN-307"))
+    ctx.measure(f"ErrorID of {job.name}", job.ErrorID, low=0x8001, high=0x8001)
+
+
+@CAMPAIGN.case("encoder/noise", title="The leading encoder is noisy")
+def noise(ctx: CaseContext) -> None:
+    """Noise of 8 um leaves the follower in gear and within a tenth of a millimetre of the material."""
+    _, _, job = _behind_material(ctx)
+    begin = ctx.now_s
+    ctx.inject("encoder.noise", "scale", increments=8)
+    ctx.run_for(1.0)
+    ctx.measure("InGear", float(job.InGear), low=1.0)
+    ctx.expect(
+        no_alarm(since=applied()),
+        follows(FOLLOWER, f"{LEADER}.actual_position", 1.0, since=begin, tolerance=0.3),
+    )
+
+
+@CAMPAIGN.case("encoder/backwards", title="The leading encoder counts backwards")
+def backwards(ctx: CaseContext) -> None:
+    """The follower turns round with its leading value, in gear: nobody can know better."""
+    _, _, job = _behind_material(ctx)
+    ctx.inject("encoder.reverse", "scale")
+    ctx.run_for(0.5)
+    ctx.measure("InGear", float(job.InGear), low=1.0)
+    ctx.measure("velocity", job.axis.var("Velocity"), "mm/s", low=-SPEED - 1.0, high=-SPEED + 1.0)
+
+
+@CAMPAIGN.product(
+    "encoder/lost/{kind}",
+    parameters={"kind": ("encoder.power_off", "encoder.alarm", "encoder.heartbeat_loss")},
+    title="The leading encoder is lost: {kind}",
+    requirements=("SYN-294",),
+)
+def encoder_lost(ctx: CaseContext, kind: str) -> None:
+    """Without a valid leading value alarm 601 stops the follower with maximum dynamics."""
+    _, _, job = _behind_material(ctx)
+    ctx.inject(kind, "scale", duration_s=0.5)
+    ctx.run_for(1.5)
+    ctx.expect(
+        happens(event("alarm.raised", MATERIAL), since=applied()),
+        alarm(601, reaction=2, since=applied(), axis=FOLLOWER).covers("SYN-294"),
+        standstill(by=ctx.now_s - 0.2, axis=FOLLOWER),
+    )
+    ctx.measure(f"ErrorID of {job.name}", job.ErrorID, low=0x8001, high=0x8001)
+
+
+@CAMPAIGN.product(
+    "reversal/{phase}",
+    parameters={"phase": ("waiting", "synchronising", "synchronous", "desynchronising")},
+    title="The leading axis turns round: {phase}",
+    requirements=("SYN-312",),
+)
+def reversal(ctx: CaseContext, phase: str) -> None:
+    """On the way to or from the synchronous position it is alarm 608, before and in between it is none."""
+    here = machine(ctx)
+    job = bring(ctx, here, "gear-in-pos", phase)
+    since = ctx.now_s
+    here.lead(-SPEED, Acceleration=2000.0, Deceleration=2000.0, Jerk=0.0)
+    ctx.run_for(0.4)
+    if phase in ("synchronising", "desynchronising"):
+        ctx.expect(alarm(608, reaction=2, since=since, axis=FOLLOWER).covers("SYN-312"))
+        ctx.measure(f"ErrorID of {job.name}", job.ErrorID, low=0x8001, high=0x8001)
+    else:
+        ctx.expect(no_alarm(since=since).covers("SYN-312"))
+        ctx.measure(f"{job.name} goes on", float(job.Busy), low=1.0)
+
+
+@CAMPAIGN.product(
+    "standing/{phase}",
+    parameters={"phase": ("waiting", "synchronising", "synchronous", "desynchronising")},
+    title="The leading axis stands for a while: {phase}",
+    requirements=("SYN-210",),
+)
+def standing(ctx: CaseContext, phase: str) -> None:
+    """The follower stands as well, without an alarm, and everything goes on with the leading axis."""
+    here = machine(ctx)
+    job = bring(ctx, here, "gear-in-pos", phase)
+    ctx.wait_until(here.leader.halt(Deceleration=2000.0, Jerk=0.0).done, 2.0, "the leading axis stands")
+    ctx.run_for(0.3)
+    ctx.expect(standstill(by=ctx.now_s - 0.1, until=ctx.now_s, axis=FOLLOWER), no_alarm())
+    ctx.measure(f"{job.name} is busy", float(job.Busy), low=1.0)
+    here.lead()
+    if phase == "desynchronising":
+        ctx.wait_until(job.done, 3.0, "the axis is desynchronised")
+        return
+    ctx.wait_until(lambda: job.InSync, 3.0, "the axis is synchronous")
+    ctx.run_for(0.1)
+    off = here.position(here.follower) - 20.0 - 0.5 * (here.position(here.leader) - 100.0)
+    ctx.measure("position off that of the gear", abs(off), "mm", high=1e-6)
+
+
+@RANGES.product(
+    "modulo/{function}",
+    parameters={"function": ("gear-in", "gear-in-pos", "cam-in")},
+    title="The leading value passes the edge of its modulo range",
+    requirements=("SYN-024",),
+)
+def modulo(ctx: CaseContext, function: str) -> None:
+    """The follower sees a continuous leading value: its velocity is that of the ratio in every cycle."""
+    here = machine(ctx)
+    if function == "gear-in-pos":
+        job = here.follower.gear_in_pos(here.leader, 10.0, 5.0, 1, 2, MasterStartDistance=DISTANCE)
+    elif function == "cam-in":
+        job = here.follower.cam_in(
+            here.leader, ctx.bench.cam("step"), MasterScaling=0.4, ApplicationMode=2, SyncProfileReference=2
+        )
+    else:
+        job = here.follower.gear_in(here.leader, 1, 2)
+    here.lead()
+    ctx.wait_until(lambda: getattr(job, "InSync", False) or getattr(job, "InGear", False), 3.0, "synchronous")
+    ctx.run_for(0.3)
+    before, fastest, turns = here.position(here.follower), 0.0, 0.0
+    last = here.position(here.leader)
+    for _ in range(250):
+        ctx.run_for(0.004)
+        now, x = here.position(here.follower), here.position(here.leader)
+        fastest, before = max(fastest, abs(now - before)), now
+        turns, last = turns + float(x < last), x
+    ctx.measure("edges passed", turns, low=2.0, high=3.0)
+    # The cam moves by 1.76 * 40 / 32 of the leading value at most (modified sine), the gear by a half.
+    most = 0.4 * (1.76 * 40.0 / 32.0 if function == "cam-in" else 0.5)
+    ctx.measure(
+        "greatest step of a cycle", fastest, "mm", low=0.9 * most, high=1.01 * most, requirements=("SYN-024",)
+    )
+
+
+@COUPLINGS.case(
+    "actual/pushed",
+    title="A disabled leading axis is pushed, coupling of actual values",
+    requirements=("SYN-027",),
+)
+def pushed(ctx: CaseContext) -> None:
+    """The follower stays synchronous behind the actual value, and goes where the leading axis is pushed."""
+    here = machine(ctx)
+    job = here.follower.gear_in(here.leader, 1, 1)
+    here.lead(50.0)
+    ctx.wait_until(job.in_gear, 3.0, "the axis is in gear")
+    here.leader.power(False)
+    ctx.run_for(0.6)
+    begin, place = ctx.now_s, here.position(here.follower)
+    ctx.inject("mechanics.load_step", "leader_drive", force_N=60.0, duration_s=0.5)
+    ctx.run_for(0.5)
+    ctx.measure("InGear", float(job.InGear), low=1.0, requirements=("SYN-027",))
+    ctx.measure("way of the follower", here.position(here.follower) - place, "mm", low=1.0)
+    ctx.expect(
+        follows(FOLLOWER, LEADER, 1.0, since=begin, tolerance=1.0).covers("SYN-027"), no_alarm(axis=FOLLOWER)
+    )
+
+
+@CAMPAIGN.case(
+    "not-controlled", title="The leading axis is not position-controlled", requirements=("SYN-025",)
+)
+def not_controlled(ctx: CaseContext) -> None:
+    """Behind setpoints it is alarm 603, and the follower is disabled."""
+    here = machine(ctx)
+    here.lead(PositionControlled=False)
+    ctx.run_for(0.3)
+    since = ctx.do("MC_GearIn behind an axis without position control")
+    job = here.follower.gear_in(here.leader, 1, 1)
+    ctx.run_for(0.2)
+    ctx.expect(alarm(603, reaction=4, since=since, axis=FOLLOWER).covers("SYN-025"))
+    ctx.measure(f"ErrorID of {job.name}", job.ErrorID, low=0x8001, high=0x8001)
+
+
+@CAMPAIGN.case(
+    "not-interconnected", title="An axis that is no possible leading axis", requirements=("SYN-310",)
+)
+def not_interconnected(ctx: CaseContext) -> None:
+    """The last follower may follow the first, not the other way round: alarm 601."""
+    here = machine(ctx)
+    since = ctx.do("MC_GearIn behind an axis that is not interconnected")
+    job = here.follower.gear_in(ctx.bench.axis("follower_b"), 1, 1)
+    ctx.run_for(0.2)
+    ctx.expect(alarm(601, reaction=2, since=since, axis=FOLLOWER).covers("SYN-310"))
+    ctx.measure(f"ErrorID of {job.name}", job.ErrorID, low=0x8001, high=0x8001)
