@@ -46,6 +46,7 @@ from motion.nc.homing import Homing
 from motion.nc.interface import FULL_OVERRIDE, NcToPlc, OpMode, PlcToNc
 from motion.nc.monitoring import Monitoring
 from motion.nc.motion import Motion
+from motion.nc.path import AxisLimits
 from motion.nc.superposed import Superposed
 from motion.nc.tables import TableSpace
 from motion.nc.torque import VelocityController
@@ -58,6 +59,7 @@ if TYPE_CHECKING:
     from motion.nc.coupling import CoupledAxis
     from motion.nc.device import Device
     from motion.nc.encoder import Retained
+    from motion.nc.interpolation import AxisGroup
     from motion.nc.parameters import ParameterSet, Value
 
 _ENABLE: Final = 0x1
@@ -156,6 +158,8 @@ class NcAxis:
         if two_speed:
             self.motion.plans = False
             self.discrete = Discrete(parameters, self.motion, cycle_s=cycle_s)
+        self._group: AxisGroup | None = None
+        self._path_before = 0.0
         self.raw_output: float | None = None
         """Share of full scale that is output without position control; None: it is controlled (NC-241)."""
         self.plc_to_nc = PlcToNc()
@@ -283,6 +287,10 @@ class NcAxis:
             command.error_id = refused
             self._emit("command.refused", error_id=refused, text=error_text(refused))
             return refused
+        if self._group is not None:
+            self._group.stop()
+            command.state = CommandState.DONE
+            return NO_ERROR
         if self.coupling.master is not None:
             self.decouple()
         if self.external.enabled and command.kind != STOP:
@@ -355,6 +363,8 @@ class NcAxis:
             return self.error_id
         if motion.locked or self.fast_stop.active:
             return STOP_ACTIVE
+        if self._group is not None:
+            return BLOCK_NOT_PERMITTED
         if self.coupling.master is not None and not self._allow_slave.value:
             return BLOCK_NOT_PERMITTED
         if self.external.enabled and not self._allow_external.value:
@@ -445,6 +455,49 @@ class NcAxis:
         self.coupling.shift(offset)
         for slave in self.coupling.slaves:
             slave.coupling.master_shifted(offset)
+
+    # -- interpolation
+
+    @property
+    def place(self) -> float:
+        """Set position, position unit."""
+        return self.motion.s
+
+    @property
+    def path_limits(self) -> AxisLimits:
+        """What the axis may do in an interpolation group (NC-174, NC-175)."""
+        cell = self.parameters.cell
+        return AxisLimits(
+            rapid=cell("axis.rapid_traverse_velocity").value,
+            reference=cell("axis.reference_velocity").value,
+            maximum=self._maximum_velocity.value,
+            acceleration=self._maximum_acceleration.value,
+            deceleration=self._maximum_deceleration.value,
+            jump_factor=cell("axis.velo_jump_factor").value,
+        )
+
+    def enter_group(self, group: AxisGroup) -> int:
+        """Follow the path of a group from now on; returns an error code, 0 for none."""
+        if self.error:
+            return self.error_id
+        if not self._closed:
+            return NO_CONTROLLER_ENABLE
+        busy = self.motion.active is not None or self.external.enabled or self.coupling.master is not None
+        if busy or self.two_speed or self.encoder_only or self._group is not None:
+            return BLOCK_NOT_PERMITTED
+        self._group = group
+        self._path_before = self.motion.s
+        self.motion.has_target = False
+        return NO_ERROR
+
+    def leave_group(self) -> None:
+        """Be a PTP axis again."""
+        self._group = None
+        self.motion.place(self.motion.s)
+
+    def follow_path(self, s: float, v: float, a: float) -> None:
+        """Take over the set values of this cycle from the group."""
+        self.motion.generator.set_state(s, v, a)
 
     # -- coupling and external setpoints
 
@@ -547,6 +600,10 @@ class NcAxis:
         if self.error:
             return
         self.error_id = error_id
+        group = self._group
+        if group is not None:
+            self._group = None
+            group.fail(self.name)
         self.raw_output = None
         self.superposed.abort(CommandState.ERROR, error_id)
         self.motion.abort(CommandState.ERROR, error_id)
@@ -628,7 +685,10 @@ class NcAxis:
         if self.homing.busy:
             self.homing.step()
         before = motion.s
-        if self.coupling.master is not None:
+        if self._group is not None:
+            before = self._path_before
+            self._path_before = motion.s
+        elif self.coupling.master is not None:
             late = self.coupling.step(self.encoder.velocity)
             if late:
                 self.raise_error(late)
@@ -729,7 +789,8 @@ class NcAxis:
                     self.raise_error(ENCODER_DATA_INVALID if encoder else DRIVE_DATA_INVALID)
 
     def _take_enable(self, enable: bool) -> None:
-        if self._enabled and not enable and self.motion.active is not None and not self.error:
+        moves = self.motion.active is not None or self._group is not None
+        if self._enabled and not enable and moves and not self.error:
             self.raise_error(NO_CONTROLLER_ENABLE)
         self._enabled = enable
 
@@ -909,6 +970,8 @@ class NcAxis:
         velocity = motion.v
         active = motion.active
         word = 1 << 25 if self.coupling.master is None else 1 << 5
+        if self._group is not None:
+            word &= ~(1 << 25)
         if self.coupling.delaying:
             word |= 1 << 6
         if self.external.enabled:

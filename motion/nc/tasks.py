@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from motion.kernel.cell import Cell
     from motion.nc.axis import NcAxis
     from motion.nc.encoder import Retained
+    from motion.nc.interpolation import InterpolationGroup
     from motion.nc.project import Project
 
 NAME: Final = "nc"
@@ -241,6 +242,8 @@ class NcRuntime:
         """Axes that are executed, in the order in which they were added."""
         self.links: dict[str, AxisLink] = {}
         """Transfers by name of the axis."""
+        self.groups: list[InterpolationGroup] = []
+        """Interpolation groups, which are executed in front of the axes."""
         self.program: list[Callable[[], object]] = []
         """What the PLC calls in every cycle, in this order."""
         self.plc_running = True
@@ -412,6 +415,8 @@ class _Saf:
         high = self.posted and self._high_priority.value
         if high:
             self._execute()
+        for group in self._runtime.groups:
+            group.step()
         for axis, link in pairs:
             link.to_nc()
             if count % axis.divider == axis.phase:
