@@ -22,6 +22,7 @@ EVENT_KINDS: Final = MappingProxyType(
         "alarm.raised": "a technology alarm is raised",
         "axis.adaption": "the transfer of parameters of a part has another state",
         "axis.doubt": "the configuration of an axis is permitted, but hardly meant",
+        "axis.emergency_stop": "an NC axis is stopped for an emergency, on a ramp or without output",
         "axis.error": "an NC axis has an error",
         "axis.fast_stop": "an NC axis is stopped by its fast axis stop",
         "axis.feed_missing": "an NC axis has no feed enable in the direction in which it is to move",

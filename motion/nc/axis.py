@@ -16,6 +16,7 @@ from motion.nc.encoder import Encoder
 from motion.nc.errors import (
     BLOCK_NOT_PERMITTED,
     BLOCK_PARAMETER,
+    BLOCK_STOPPED,
     CONSEQUENTIAL,
     DRIVE_DATA_INVALID,
     DRIVE_LIFE_COUNTER,
@@ -78,6 +79,8 @@ TRACE_COLUMNS: Final = (
     ("actual_velocity", "mm/s"),
     ("following_error", "mm"),
     ("output", ""),
+    ("output_data", ""),
+    ("output_control", ""),
     ("state_dword", ""),
     ("op_mode_dword", ""),
     ("error_code", ""),
@@ -328,6 +331,31 @@ class NcAxis:
             return VELOCITY_NOT_ALLOWED
         self.superposed.start(command)
         return NO_ERROR
+
+    def emergency_stop(self, *, ramp: bool) -> None:
+        """Stop for an emergency; the event `axis.emergency_stop` says how (NC-011).
+
+        Args:
+            ramp: Brake on the ramp of the fast axis stop and lock the axis; FALSE: no output at once.
+
+        """
+        self._emit("axis.emergency_stop", reaction="ramp" if ramp else "zero output")
+        if not ramp or self.coupling.master is not None or self._group is not None:
+            self.raise_error(BLOCK_STOPPED)
+            return
+        if self.external.enabled:
+            self.external.cancel()
+        self.superposed.abort(CommandState.ABORTED, NO_ERROR)
+        fast = self.fast_stop
+        self.motion.submit(
+            Command(
+                STOP,
+                acceleration=fast.deceleration,
+                deceleration=fast.deceleration,
+                jerk=fast.jerk,
+                locks=True,
+            )
+        )
 
     def prepare(self) -> None:
         """Execute what waits for the SVB task (NC-055)."""
@@ -1050,6 +1078,15 @@ class NcAxis:
             word |= 0x800000
         return word
 
+    def _output_data(self) -> float:
+        """Return what the drive gets: increments, `nDataOut4`, control bytes, or position unit/s."""
+        outputs, interface = self._outputs, self._interface
+        if self.discrete is not None:
+            return self.discrete.image[8] | self.discrete.image[9] << 8
+        if interface == POSITION_INTERFACE:
+            return outputs.position
+        return outputs.torque if interface == TORQUE_INTERFACE else outputs.velocity
+
     def trace_row(self) -> tuple[float, ...]:
         """Return the values of `TRACE_COLUMNS` for the present cycle."""
         motion, encoder, image = self.motion, self.encoder, self.nc_to_plc
@@ -1061,6 +1098,8 @@ class NcAxis:
             encoder.velocity,
             self.following_error,
             self.drive.output,
+            self._output_data(),
+            self._outputs.enable | self._outputs.reset << 1,
             image.StateDWord,
             image.OpModeDWord,
             self.error_id,

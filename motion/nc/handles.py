@@ -295,6 +295,12 @@ class NcAxisHandle:
         """Start `MC_Stop`; release the axis with `instance.set(Execute=False)`."""
         return self.run(MC_Stop(self.ref, Execute=True, **inputs))
 
+    def emergency_stop(self, *, ramp: bool = True) -> None:
+        """Stop for an emergency: on the ramp of the fast axis stop, then locked until `reset`; or without
+        output at once.
+        """
+        self.object.emergency_stop(ramp=ramp)
+
     def jog(
         self, mode: JogMode = JogMode.MC_JOGMODE_STANDARD_SLOW, *, backwards: bool = False, **inputs: Any
     ) -> MC_Jog:

@@ -10,6 +10,7 @@ from fieldbus.errors import ConfigurationError
 from motion.kernel.task import Task
 from motion.nc.axis_ref import AxisRef
 from motion.nc.parameters import ParameterSet
+from motion.nc.process_image import ProcessImage
 from motion.nc.retain import (
     LOAD_STORE,
     NONE,
@@ -287,6 +288,20 @@ class NcRuntime:
     def call(self, instance: Callable[[], object]) -> None:
         """Call `instance` in every cycle of the PLC from the next one on."""
         self.program.append(instance)
+
+    def image(self) -> dict[str, bytes]:
+        """Return the process image of the SAF task: inputs and outputs of encoder and drive of every axis
+        (NC-042).
+        """
+        found: dict[str, bytes] = {}
+        for axis in self.axes:
+            image = ProcessImage(axis)
+            found[f"{axis.name}.encoder.inputs"] = image.pack_encoder_inputs()
+            found[f"{axis.name}.encoder.outputs"] = image.pack_encoder_outputs()
+            if not axis.encoder_only:
+                found[f"{axis.name}.drive.inputs"] = image.pack_drive_inputs()
+                found[f"{axis.name}.drive.outputs"] = image.pack_drive_outputs()
+        return found
 
     def post(self, command: Callable[[], object]) -> None:
         """Execute a command of an ADS device once: at the start of the next SAF cycle with high priority, at

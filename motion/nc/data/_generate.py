@@ -32,6 +32,15 @@ _PREFIX: Final = {"axis": "axis", "encoder": "enc", "drive": "drv", "controller"
 _ZEROS: Final[dict[str, Any]] = {"bool": False, "float": 0.0, "uint32": 0, "string": ""}
 
 
+_MAGNITUDES: Final = (
+    "reference_velocity", "maximum_acceleration", "maximum_deceleration", "default_acceleration",
+    "default_deceleration", "default_jerk", "homing_velocity_towards_cam", "homing_velocity_off_cam",
+    "manual_velocity_fast", "manual_velocity_slow", "fast_acceleration", "fast_deceleration", "fast_jerk",
+    "rapid_traverse_velocity",
+)  # fmt: skip
+"""Dynamic parameters of axes that are magnitudes (NC-089)."""
+
+
 def _limits(text: str | None) -> tuple[float | None, float | None, bool]:
     """Return lower and upper limit of a range in words, and whether the lower one is excluded."""
     if text is None:
@@ -49,6 +58,8 @@ def _parameter(entry: dict[str, Any]) -> dict[str, Any]:
     if default is None:
         default = _OTHER_DEFAULTS.get(key, entry["enum"][0] if kind == "enum" else _ZEROS.get(kind))
     low, high, above = _limits(entry["range"])
+    if key.removeprefix("axis.") in _MAGNITUDES:
+        low = 0.0
     choices = entry["enum"] or []
     if key == "enc.type":
         choices = [choices[0], "Hardware encoder"]

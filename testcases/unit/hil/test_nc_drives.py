@@ -4,9 +4,11 @@ from importlib.resources import files
 
 import pytest
 
+from emulators.drive.analog_config import AnalogConfig, AnalogSettings
 from fieldbus.errors import ConfigurationError
 from hil.bench import Bench
 from hil.bench.bench_file import parse
+from motion.nc.process_image import DRIVE_IN
 
 pytestmark = pytest.mark.exhaustive
 
@@ -259,3 +261,83 @@ def test_mistakes_of_the_file(subtests):
     ):
         with subtests.test(words), pytest.raises(ConfigurationError, match=words):
             _bench(**changes)
+
+
+@pytest.mark.requirement("NC-079", "NC-332", "NC-333", "NC-379")
+def test_a_link_sets_the_types(subtests):
+    """The link of a drive sets types, scaling and masks of the axis, and links its process images."""
+    for name, drive_type, linked in (
+        ("reference", "DS402_MDP742", "6041h low"),
+        ("profidrive", "DS402_MDP742", "ZSW1 low"),
+        ("analog", "KL4XXX", None),
+    ):
+        with subtests.test(name), _shipped(name) as bench:
+            x = bench.axis("x")
+            assert x.read_parameter("drv.type") == drive_type
+            assert x.read_parameter("enc.type") == "Hardware encoder"
+            assert x.read_parameter("axis.axis_type").startswith("CANopen DS402")
+            assert x.read_parameter("enc.scaling_numerator") == 10.0
+            assert x.read_parameter("enc.encoder_sub_mask") == x.read_parameter("enc.scaling_denominator") - 1
+            assert x.read_parameter("axis.reference_velocity") == pytest.approx(500.0)
+            assert x.image.links(DRIVE_IN).get("nState1") == linked
+
+
+@pytest.mark.requirement("NC-763")
+def test_invalid_bus_data():
+    """The data of a drive can be made invalid for a number of cycles: a flag up to three, an error beyond."""
+    with _bench() as bench:
+        x = bench.axis("x")
+        bench.wait_until(x.power().status, 1.0)
+        for cycles, error in ((1, 0), (3, 0), (4, 0x4655)):
+            x.object.device.invalid_cycles = cycles
+            seen = 0
+            for _ in range(8):
+                bench.run_for(0.002)
+                seen += bool(x.ref.NcToPlc.StateDWord & 1 << 30)
+            assert seen >= cycles - 1
+            assert x.error_id == error
+
+
+@pytest.mark.requirement("NC-764", "NC-729")
+def test_recording():
+    """Every SAF cycle is recorded under AxisName.ParameterName: values, status words, outputs, error code."""
+    with _bench(axis='interface = "position"') as bench:
+        x = bench.axis("x")
+        bench.wait_until(x.power().status, 1.0)
+        bench.wait_until(x.move_absolute(5.0, Velocity=50.0).done, 2.0)
+        trace = bench.trace()
+        for name in (
+            "set_position", "actual_position", "set_velocity", "actual_velocity", "set_acceleration",
+            "following_error", "state_dword", "op_mode_dword", "output", "output_data", "output_control",
+            "error_code",
+        ):  # fmt: skip
+            assert len(trace[f"x.{name}"].values) == len(trace["x.set_position"].values) > 100
+        assert trace["x.output_data"].values[-1] == x.object.outputs.position
+        assert trace["x.output_control"].values[-1] == 1
+        times = trace["x.set_position"].time_s
+        assert times[-1] - times[-2] == pytest.approx(0.002)
+
+
+@pytest.mark.requirement("NC-757", "NC-550", "NC-563")
+def test_analog_drive_with_drift(subtests):
+    """An analog drive has drift, dead zone and polarity; the automatic offset of the axis takes the drift
+    away.
+    """
+    errors = {}
+    for auto in (False, True):
+        with subtests.test(auto=auto):
+            text = files("hil.bench.data").joinpath("analog.toml").read_text()
+            head = text[: text.index("[axis.axis1]")] + "[drive.drive1.analog]\noffset_v = 0.02\n"
+            axis = (
+                '[axis.x]\ncontroller = "nc"\ndrive = "drive1"\n[axis.x.parameters]\n"ctrl.pos_kv" = 10.0\n'
+                f'"ctrl.auto_offset" = {str(auto).lower()}\n"ctrl.offset_timer" = 0.3\n'
+            )
+            with Bench(parse(head + axis, "analog.toml")) as bench:
+                x = bench.axis("x")
+                bench.wait_until(x.power().status, 2.0)
+                bench.run_for(3.0)
+                errors[auto] = x.object.following_error
+    assert abs(errors[False]) == pytest.approx(0.1, rel=0.1)  # 1 mm/s at a gain of 10
+    assert abs(errors[True]) < 0.01
+    config = AnalogConfig(analog=AnalogSettings(offset_v=0.1, dead_zone_v=0.2, inverted=True))
+    assert [config.speed_rpm(volts) for volts in (0.05, 0.9)] == [0.0, pytest.approx(-300.0)]

@@ -4,6 +4,7 @@ import pytest
 
 from motion.drives.mark import MarkSearch
 from motion.nc.blocks import HomingMode, MC_ReadApplicationRequest
+from motion.nc.parameters import catalogue
 from testcases.unit.motion_nc.nc_rig import Rig
 
 pytestmark = pytest.mark.exhaustive
@@ -279,3 +280,49 @@ def test_application():
     rig.cycles()
     assert rig.status("Homed")
     assert rig.axis.position == pytest.approx(25.0)
+
+
+@pytest.mark.requirement("NC-327", "NC-297")
+def test_cam_near_the_overflow():
+    """Where the cam falls within its jitter of the overflow the reference jumps by a turn; half a turn away
+    it does not. Latch Pos. Diff. is the way from the cam to the event.
+    """
+    for edge, jumps in ((50.0, True), (55.0, False)):
+        found, differences = [], []
+        for jitter in (-0.5, 0.5):
+            machine = Machine(
+                cam=(edge + jitter, 70.0),
+                enc__reference_mode="Software Sync",
+                enc__encoder_sub_mask=99999,
+            ).run()
+            rig = machine.rig
+            found.append(rig.axis.position - rig.axis.encoder.soft_increments * 0.0001)
+            differences.append(abs(rig.axis.homing.latch_difference))
+        assert abs(found[0] - found[1]) == pytest.approx(10.0 if jumps else 0.0, abs=1e-6)
+        if not jumps:
+            assert all(3.0 < one < 7.0 for one in differences)  # about half a turn
+
+
+@pytest.mark.requirement("NC-304")
+def test_reference_modes():
+    """There are six reference modes; each one without its signal in the hardware is refused or waits."""
+    choices = catalogue()["enc.reference_mode"].choices
+    assert choices == (
+        "Default",
+        "Hardware Sync (Feedback reference pulse)",
+        "Hardware Latch 1 (pos. edge)",
+        "Hardware Latch 1 (neg. edge)",
+        "Software Sync",
+        "Application (PLC code)",
+    )
+    for number, mode in enumerate(choices):
+        rig = Rig(enc__reference_mode=mode).enabled()
+        home = rig.handle.home()
+        rig.cycles(20)
+        if number in {1, 2, 3}:
+            assert home.ErrorID == 0x4B04
+        elif number == 5:
+            assert rig.axis.homing.application_request
+            assert rig.generator.v == 0.0
+        else:
+            assert rig.axis.homing.busy
