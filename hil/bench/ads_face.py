@@ -24,6 +24,7 @@ from motion.nc.blocks import (
 )
 from motion.nc.interface import NC_TO_PLC_SIZE, PLC_TO_NC_SIZE, STATUS_BITS, PlcToNc
 from motion.nc.parameters import catalogue
+from motion.nc.symbols import symbol_prefix
 
 if TYPE_CHECKING:
     from motion.nc.blocks import Block
@@ -125,7 +126,10 @@ def ads_ports(nc: NcRuntime, axes: Mapping[str, NcAxisHandle]) -> dict[int, Port
         _images(plc, f"GVL.{name}", axis)
         for block, kind in BLOCKS.items():
             _block(plc, f"MAIN.{name}_{block}", axis.run(kind(axis.ref)))
-        _parameters(online, f"Axes.{name}", axis)
+        prefix = symbol_prefix(axis.object)
+        if prefix is not None:
+            _states(online, prefix, axis)
+            _parameters(online, prefix, axis)
     return {
         PLC_PORT: Port(
             plc, lambda: AdsState.RUN if nc.plc_running else AdsState.STOP, _control(nc), "Plc30 App"
@@ -204,6 +208,15 @@ def _setter(block: Any, key: str) -> Callable[[float], int]:
     return set_
 
 
+def _states(memory: Memory, name: str, axis: NcAxisHandle) -> None:
+    for member, type_name, _ in NC_TO_PLC:
+        variable(memory, f"{name}.{member}", type_name, _state(axis, member))
+
+
+def _state(axis: NcAxisHandle, member: str) -> Callable[[], float]:
+    return lambda: float(getattr(axis.object.nc_to_plc, member))
+
+
 def _parameters(memory: Memory, name: str, axis: NcAxisHandle) -> None:
     for key, one in catalogue().items():
         type_name = _TYPES.get(one.type)
@@ -221,8 +234,12 @@ def _parameters(memory: Memory, name: str, axis: NcAxisHandle) -> None:
 
 
 def _parameter_getter(axis: NcAxisHandle, key: str, *, whole: bool) -> Callable[[], float]:
-    cell = axis.object.parameters.cell(key)
-    return lambda: int(cell.value) if whole else cell.value
+    # An activation of the configuration makes other parameters.
+    def get() -> float:
+        value = axis.object.parameters.cell(key).value
+        return int(value) if whole else value
+
+    return get
 
 
 def _parameter_setter(axis: NcAxisHandle, key: str, choices: tuple[str, ...]) -> Callable[[float], int]:

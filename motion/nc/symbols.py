@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 _AXES: Final[Mapping[str, str]] = {"en": "Axes", "de": "Achsen"}
 """Generic part of the names by language of the tool."""
-_STATES: Final = tuple(vars(NcToPlc()))
-_PARTS: Final = {"axis": "", "encoder": "_Enc", "drive": "_Drive", "controller": "_Ctrl"}
+STATES: Final = tuple(vars(NcToPlc()))
+"""States of an axis that have symbols: members of `NcToPlc`."""
 
 
-def symbol_names(axis: NcAxis, *, language: str = "en") -> Iterator[str]:
-    """Yield the names of the symbols of an axis: `Axes.x.SetPos`, `Axes.x_Enc.ScalingNumerator`.
+def symbol_prefix(axis: NcAxis, *, language: str = "en") -> str | None:
+    """Return what the names of the symbols of an axis begin with, `Axes.x`; None: it has none.
 
     Args:
         axis: The axis.
@@ -29,11 +29,13 @@ def symbol_names(axis: NcAxis, *, language: str = "en") -> Iterator[str]:
     """
     parameters = axis.parameters
     if not parameters.read("axis.create_symbols"):
-        return
-    generic = _AXES["en" if parameters.read("task.symbol_names_fixed") else language]
-    for name in _STATES:
-        yield f"{generic}.{axis.name}.{name}"
-    for key, one in catalogue().items():
-        if one.component in _PARTS:
-            words = key.split(".")[1].split("_")
-            yield f"{generic}.{axis.name}{_PARTS[one.component]}.{''.join(map(str.capitalize, words))}"
+        return None
+    return f"{_AXES['en' if parameters.read('task.symbol_names_fixed') else language]}.{axis.name}"
+
+
+def symbol_names(axis: NcAxis, *, language: str = "en") -> Iterator[str]:
+    """Yield the names of the symbols of an axis: `Axes.x.SetPos`, `Axes.x.enc.scaling_numerator`."""
+    prefix = symbol_prefix(axis, language=language)
+    if prefix is not None:
+        for name in (*STATES, *catalogue()):
+            yield f"{prefix}.{name}"

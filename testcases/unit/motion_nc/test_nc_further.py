@@ -514,7 +514,7 @@ def test_symbols():
     rig = Rig()
     names = list(symbol_names(rig.axis, language="de"))
     assert "Axes.x.SetPos" in names
-    assert "Axes.x_Enc.ScalingNumerator" in names
+    assert "Axes.x.enc.scaling_numerator" in names
     assert len(names) == len(set(names)) > 180
     rig.handle.write_parameter("task.symbol_names_fixed", False)
     assert "Achsen.x.SetPos" in set(symbol_names(rig.axis, language="de"))
