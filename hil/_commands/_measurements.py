@@ -67,7 +67,7 @@ class MovingBench:
         powers = [axis.power() for axis in self._axes]
         if not self.bench.run_until(lambda: all(power.Status for power in powers), 3.0):
             raise CannotRunError("the axes of the benchmark could not be enabled")
-        homes = [axis.home(0.0) for axis in self._axes]
+        homes = [axis.home(0.0) for axis in self._axes if axis.name not in self.bench.nc_axis_names]
         self.bench.run_until(lambda: all(home.Done for home in homes), 1.0)
         self._target = 100.0
         self._jobs: list[MC_MoveAbsolute] = []

@@ -7,7 +7,7 @@ from __future__ import annotations
 import asyncio
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
@@ -17,6 +17,7 @@ from prompt_toolkit.application import get_app
 from prompt_toolkit.completion import WordCompleter
 from prompt_toolkit.formatted_text import StyleAndTextTuples
 from prompt_toolkit.history import FileHistory, History, InMemoryHistory
+from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 from prompt_toolkit.patch_stdout import patch_stdout
 from prompt_toolkit.shortcuts import CompleteStyle
 
@@ -38,6 +39,10 @@ class Screen(Protocol):
     """What the screen shows of a session."""
 
     commands: dict[str, tuple[str, str, Callable[..., object]]]
+
+    @property
+    def keys(self) -> Mapping[str, str]:
+        """Function keys, and the commands that they give."""
 
     def prompt(self) -> str:
         """Return the text in front of what is typed."""
@@ -70,6 +75,7 @@ def typed(machine: Bench, session: Screen, *, tell: Callable[[str], object]) -> 
         complete_while_typing=False,
         complete_style=CompleteStyle.MULTI_COLUMN,
         bottom_toolbar=lambda: _toolbar(session),
+        key_bindings=_bindings(session),
         refresh_interval=0.1,
     )
     live = isinstance(machine.scheduler, RealtimeScheduler)
@@ -101,6 +107,21 @@ def typed(machine: Bench, session: Screen, *, tell: Callable[[str], object]) -> 
             note()
             raise
         yield text
+
+
+def _bindings(session: Screen) -> KeyBindings:
+    """Let a function key give its command at once, whatever is typed."""
+    bindings = KeyBindings()
+
+    def bind(key: str, command: str) -> None:
+        @bindings.add(key)
+        def _(event: KeyPressEvent) -> None:
+            event.current_buffer.text = command
+            event.current_buffer.validate_and_handle()
+
+    for key, command in session.keys.items():
+        bind(key, command)
+    return bindings
 
 
 def _completer(session: Screen) -> WordCompleter:

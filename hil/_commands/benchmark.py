@@ -60,16 +60,20 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
 
     """
     from hil.bench import load_bench
+    from hil.bench.makes import with_nc_axes
 
     figures: list[Figure] = []
-    with quiet_stdout(as_json), CaseProgress(12, "benchmark") as progress:
+    with quiet_stdout(as_json), CaseProgress(14, "benchmark") as progress:
         fast, reference = load_bench("fast").config, load_bench("reference")
+        nc = with_nc_axes(reference, "reference")
         benches = [
             ("sim_factor_1axis_cia402_1ms", fast),
             ("sim_factor_1axis_cia402_4ms", reference.config),
             ("sim_factor_4axes_cia402_4ms", with_axes(reference.config, 4)),
             ("sim_factor_1axis_profidrive_dsc_1ms", with_dsc(load_bench("profidrive").config)),
             ("sim_factor_1axis_modbus_tcp_4ms", load_bench("profidrive_tcp").config),
+            ("sim_factor_1axis_cia402_2ms", with_axes(reference.config, 1, cycle_ms=2)),
+            ("sim_factor_1axis_nc_2ms", with_axes(nc.config, 1, cycle_ms=2)),
             ("sim_factor_4axes_cia402_2ms", with_axes(reference.config, 4, cycle_ms=2)),
         ]
         for number, (name, config) in enumerate(benches):
@@ -78,7 +82,7 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
             factor, load = speed(config, seconds)
             figures.append(Figure(name, factor, "simulated s / wall s"))
         figures.append(Figure("bus_load_4axes_cia402_2ms", load, "%"))
-        progress.step(6, "fault cases")
+        progress.step(8, "fault cases")
         figures.append(Figure("fault_cases_per_minute", _cases_per_minute(reference), "cases/min"))
         for number, (name, compare) in enumerate(
             (
@@ -89,7 +93,7 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
                 ("position plans", position_plans),
                 ("Modbus requests", modbus_requests),
             ),
-            7,
+            9,
         ):
             progress.step(number, name)
             figures.extend(compare())

@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 import selectors
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TextIO
 
 from fieldbus.clock import RealtimeScheduler
 from fieldbus.errors import ConfigurationError, HilError
+from hil._commands._panel_nc import NcPanelSession
+from hil._commands._panel_words import help_lines, parse
 from hil._commands.terminal import console
 from hil.campaign import load_bench_file
 from motion.s7.alarms import error_text
@@ -50,6 +52,9 @@ class PanelSession:
         write: Takes what is to be shown.
 
     """
+
+    keys: Final[Mapping[str, str]] = {}
+    """Function keys of a terminal, and the commands that they give: none."""
 
     def __init__(
         self, bench: Bench, axis: str, *, monitoring_s: float, plot: Path, write: Callable[[str], object]
@@ -164,24 +169,13 @@ class PanelSession:
             HilError: What the panel says to it.
 
         """
-        words = text.partition("#")[0].split()
-        if not words:
+        found = parse(text, self.commands)
+        if found is None:
             return
-        name, *values = words
-        if name not in self.commands:
-            raise ConfigurationError("command", name, f"one of {', '.join(self.commands)}")
-        usage, _, act = self.commands[name]
-        most = len(usage.split())
-        least = len([one for one in usage.split() if not one.startswith("[")])
-        if not least <= len(values) <= most:
-            raise ConfigurationError(f"values of {name}", " ".join(values), usage or "none")
-        try:
-            numbers = [float(value) for value in values]
-        except ValueError as error:
-            raise ConfigurationError(f"values of {name}", " ".join(values), f"numbers: {usage}") from error
+        name, numbers = found
         if name not in _LOOKING and not self._axis.alarms.engine.number:
             self._read = self.panel.job
-        act(*numbers)
+        self.commands[name][2](*numbers)
 
     def let_pass(self, cycles: int = _AFTER_COMMAND) -> None:
         """Let some cycles pass."""
@@ -228,8 +222,8 @@ class PanelSession:
         self._bench.run_for(seconds)
 
     def _help(self) -> None:
-        for name, (usage, text, _) in self.commands.items():
-            self._write(f"  {name + ' ' + usage:24} {text}")
+        for line in help_lines(self.commands):
+            self._write(line)
 
     def _quit(self) -> None:
         self.ended = True
@@ -278,7 +272,7 @@ def run_panel(bench: str, *, axis: str, monitoring_s: float, plot: Path, stdin: 
     """
     source = stdin or sys.stdin
     with load_bench_file(bench or None).build(seed=0) as machine:
-        session = PanelSession(machine, axis, monitoring_s=monitoring_s, plot=plot, write=_tell)
+        session = _session(machine, axis, monitoring_s=monitoring_s, plot=plot)
         interactive = source.isatty()
         lines = _lines(source, machine, session) if interactive else source
         try:
@@ -301,13 +295,20 @@ def run_panel(bench: str, *, axis: str, monitoring_s: float, plot: Path, stdin: 
     return 0
 
 
+def _session(machine: Bench, axis: str, *, monitoring_s: float, plot: Path) -> PanelSession | NcPanelSession:
+    """Return the panel that an axis has by its make."""
+    if (axis or next(iter(machine.config.axis), "")) in machine.nc_axis_names:
+        return NcPanelSession(machine, axis, write=_tell)
+    return PanelSession(machine, axis, monitoring_s=monitoring_s, plot=plot, write=_tell)
+
+
 def _tell(text: str) -> None:
     """Write a line; a terminal that has been closed does not keep the axis from being given back."""
     with suppress(OSError):
         print(text, flush=True)  # noqa: T201 - this is the answer
 
 
-def _lines(source: TextIO, machine: Bench, session: PanelSession) -> Iterator[str]:
+def _lines(source: TextIO, machine: Bench, session: PanelSession | NcPanelSession) -> Iterator[str]:
     """Return the lines that a person types: with prompt and live values where the screen can show them."""
     _tell(f"{session.line()}\n(help lists the commands)")
     session.changed()
@@ -318,7 +319,7 @@ def _lines(source: TextIO, machine: Bench, session: PanelSession) -> Iterator[st
     return _typed(source, machine, session)
 
 
-def _typed(source: TextIO, machine: Bench, session: PanelSession) -> Iterator[str]:
+def _typed(source: TextIO, machine: Bench, session: PanelSession | NcPanelSession) -> Iterator[str]:
     """Yield lines as they are typed; meanwhile time passes, and events are printed."""
     virtual = not isinstance(machine.scheduler, RealtimeScheduler)
     selector = selectors.DefaultSelector()

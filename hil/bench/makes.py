@@ -22,7 +22,8 @@ NC_BENCH: Final = "nc-axes:"
 """What the reference of a bench begins with whose axes are to be those of an NC."""
 
 SAME: Final[Mapping[str, tuple[str, ...]]] = {
-    "DynamicLimits.MaxVelocity": ("axis.maximum_velocity",),
+    "DynamicLimits.MaxVelocity": ("axis.maximum_velocity", "axis.manual_velocity_fast"),
+    "DynamicDefaults.Velocity": ("axis.manual_velocity_slow",),
     "DynamicLimits.MaxAcceleration": ("axis.maximum_acceleration",),
     "DynamicLimits.MaxDeceleration": ("axis.maximum_deceleration", "axis.fast_deceleration"),
     "DynamicLimits.MaxJerk": ("axis.fast_jerk",),

@@ -1,0 +1,316 @@
+"""The panel of an NC axis: the keys F1 to F9 and the online view of its dialog (NC-218 to NC-242)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Final
+
+from fieldbus.errors import ConfigurationError
+from hil._commands._panel_words import help_lines, parse
+from motion.nc.blocks import JogMode, MC_Home, MC_Jog, MC_MoveAbsolute, MC_Stop
+from motion.nc.errors import error_text
+from motion.nc.interface import FULL_OVERRIDE, Control, State
+
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
+    from motion.nc.blocks import ExecuteBlock
+    from motion.nc.handles import NcAxisHandle
+
+_AFTER_COMMAND: Final = 4
+"""Cycles that pass after a line of a script, so that it has acted when the next one is read."""
+_LONGEST_S: Final = 3600.0
+_JOGS: Final = {
+    "f1": (JogMode.MC_JOGMODE_STANDARD_FAST, True),
+    "f2": (JogMode.MC_JOGMODE_STANDARD_SLOW, True),
+    "f3": (JogMode.MC_JOGMODE_STANDARD_SLOW, False),
+    "f4": (JogMode.MC_JOGMODE_STANDARD_FAST, False),
+}
+"""Key -> velocity, and whether it moves in negative direction (NC-232 to NC-235)."""
+
+
+class NcPanelSession:
+    """The commands of a panel on one NC axis of a bench.
+
+    Args:
+        bench: A bench that has been brought up.
+        axis: Name of the axis; empty for the only one.
+        write: Takes what is to be shown.
+
+    """
+
+    keys: Final[Mapping[str, str]] = {key: key for key in ("f1", "f2", "f3", "f4", "f5", "f6", "f8", "f9")}
+    """Function keys of a terminal, and the commands that they give."""
+
+    def __init__(self, bench: Bench, axis: str, *, write: Callable[[str], object]) -> None:
+        self._bench = bench
+        self._axis: NcAxisHandle = bench.axis(axis or None, controller="nc")
+        self._write = write
+        self.ended = False
+        self._seen: object = None
+        run, ref = self._axis.run, self._axis.ref
+        self._jog = run(MC_Jog(ref))
+        self._move = run(MC_MoveAbsolute(ref))
+        self._stop = run(MC_Stop(ref))
+        self._homing = run(MC_Home(ref))
+        self._pressed = ""
+        self._target = self._axis.position
+        self._velocity = float(self._number("axis.manual_velocity_slow"))
+        self._dynamics = dict.fromkeys(("Acceleration", "Deceleration", "Jerk"), 0.0)
+        self._lag = [0.0, 0.0]
+        self._untrack = bench.on_cycle(self._track)
+        unit = self._unit = str(self._axis.read_parameter("axis.unit"))
+        self.commands: dict[str, tuple[str, str, Callable[..., object]]] = {
+            "enable": ("[OVERRIDE]", "controller and both feed enables, override in % (100)", self._enable),
+            "set": (
+                "C FW BW [OVERRIDE]",
+                "each enable, 0 or 1: controller, forward, backward",
+                self._set,
+            ),
+            "disable": ("", "take all enables away", lambda: self._set(0.0, 0.0, 0.0)),
+            "target": ("P", f"field Target Position, {unit}", self._field("_target")),
+            "velocity": ("V", f"field Target Velocity, {unit}/s", self._field("_velocity")),
+            "acceleration": ("A", f"{unit}/s2; 0: that of the axis", self._dynamic("Acceleration")),
+            "deceleration": ("D", f"{unit}/s2; 0: that of the axis", self._dynamic("Deceleration")),
+            "jerk": ("J", f"{unit}/s3; 0: that of the axis", self._dynamic("Jerk")),
+            "f1": (
+                "[S]",
+                "--: fast in negative direction, for S or until `release`",
+                self._key("f1"),
+            ),
+            "f2": ("[S]", "-: slow in negative direction", self._key("f2")),
+            "f3": ("[S]", "+: slow in positive direction", self._key("f3")),
+            "f4": ("[S]", "++: fast in positive direction", self._key("f4")),
+            "release": ("", "release the key F1 to F4", self._release),
+            "f5": ("", "start to Target Position with Target Velocity", self._start),
+            "f6": ("", "stop", self._stops),
+            "f8": ("", "reset", self._reset),
+            "f9": ("", "calibrate: home with the parameters of the axis", self._home),
+            "cam": ("C", "cam of the PLC for F9, 0 or 1", self._cam),
+            "position": ("P", f"set the actual position, {unit}", self._axis.set_position),
+            "status": ("", "the online view", lambda: [self._write(line) for line in self.view()]),
+            "wait": ("S", "let seconds pass", self._wait),
+            "help": ("", "this list", lambda: [self._write(line) for line in help_lines(self.commands)]),
+            "quit": ("", "take the enables away and end", self._quit),
+        }
+
+    def _number(self, key: str) -> float:
+        return float(self._axis.object.parameters.cell(key).value)
+
+    def _track(self) -> None:
+        error = self._axis.object.following_error
+        self._lag[0], self._lag[1] = min(self._lag[0], error), max(self._lag[1], error)
+        if self._stop.ended():
+            self._stop.set(Execute=False)
+
+    def _give(self, block: ExecuteBlock, **inputs: float) -> None:
+        """Start a block, again if it was started before."""
+        block.set(Execute=False)
+        self.let_pass(2)
+        block.set(Execute=True, **inputs)
+
+    # -- what is shown
+    # ----------------------------------------------------------------------------------------
+
+    def _length(self, value: float) -> str:
+        """Return a position as the display options of the axis want it (NC-072, NC-073)."""
+        if self._number("axis.display_modulo"):
+            value = self._axis.object.encoder.modulo(value)[1]
+        if self._number("axis.display_position_um"):
+            return f"{value * 1000.0 + 0.0:.1f} u{self._unit}"
+        return f"{value + 0.0:.4f} {self._unit}"
+
+    def _speed(self, value: float) -> str:
+        if self._number("axis.display_velocity_mm_min"):
+            return f"{value * 60.0 + 0.0:.3f} {self._unit}/min"
+        return f"{value + 0.0:.4f} {self._unit}/s"
+
+    def _words(self, *bits: tuple[State, str]) -> str:
+        word = self._axis.ref.NcToPlc.StateDWord
+        return ", ".join(text for bit, text in bits if word & bit) or "-"
+
+    def _log_status(self) -> str:
+        return self._words(
+            (State.OPERATIONAL, "Ready"),
+            (State.HOMED, "Calibrated"),
+            (State.HAS_JOB, "Has Job"),
+            (State.NOT_MOVING, "NOT Moving"),
+            (State.POSITIVE_DIRECTION, "Moving Fw"),
+            (State.NEGATIVE_DIRECTION, "Moving Bw"),
+        )
+
+    def view(self) -> list[str]:
+        """Return the online view, a line for each of its fields."""
+        axis, image = self._axis.object, self._axis.ref.NcToPlc
+        written = self._axis.ref.PlcToNc
+        physical = self._words(
+            (State.PROTECTED, "Coupled Mode"),
+            (State.IN_TARGET_POSITION, "In Target Pos."),
+            (State.IN_POSITION_AREA, "In Pos. Range"),
+        )
+        enables = [
+            text
+            for bit, text in (
+                (Control.ENABLE, "Controller"),
+                (Control.FEED_PLUS, "Feed Fw"),
+                (Control.FEED_MINUS, "Feed Bw"),
+            )
+            if written.ControlDWord & bit
+        ]
+        low, high = (f"{value + 0.0:.4f}" for value in self._lag)
+        full = self._number("axis.reference_velocity") / 100.0
+        total, share = axis.drive.total / full, axis.drive.control / full
+        return [
+            f"  {'Actual Position':24} {self._length(image.ActPos)}",
+            f"  {'Setpoint Position':24} {self._length(image.SetPos)}",
+            f"  {'Lag Distance (min/max)':24} {image.PosDiff + 0.0:.4f} ({low}, {high}) {self._unit}",
+            f"  {'Actual Velocity':24} {self._speed(image.ActVelo)}",
+            f"  {'Setpoint Velocity':24} {self._speed(image.SetVelo)}",
+            f"  {'Override':24} {min(written.Override / FULL_OVERRIDE, 1.0) * 100.0:.4f} %",
+            f"  {'Total / Control Output':24} {total + 0.0:.2f} / {share + 0.0:.2f} %",
+            f"  {'Error':24} {error_text(image.ErrorCode) if image.ErrorCode else '0'}",
+            f"  {'Status (log.)':24} {self._log_status()}",
+            f"  {'Status (phys.)':24} {physical}",
+            f"  {'Enabling':24} {', '.join(enables) or '-'}",
+            f"  {'Target':24} {self._target:.4f} {self._unit}, {self._velocity:.4f} {self._unit}/s",
+        ]
+
+    def prompt(self) -> str:
+        """Return axis, state and the unit of its positions."""
+        return f"{self._axis.name} {self._log_status()} {self._unit}> "
+
+    def values(self) -> list[str]:
+        """Return position, velocity and lag with their units."""
+        image = self._axis.ref.NcToPlc
+        return [
+            f"position {self._length(image.ActPos)}",
+            f"velocity {self._speed(image.ActVelo)}",
+            f"lag {image.PosDiff + 0.0:.4f} {self._unit}",
+        ]
+
+    def notes(self) -> list[str]:
+        """Return what an operator needs besides: error, refused start, key that is held."""
+        notes = []
+        if self._axis.error_id:
+            notes.append(f"error {error_text(self._axis.error_id)}: f8 resets it")
+        for name, block in (
+            ("start", self._move),
+            (self._pressed, self._jog),
+            ("stop", self._stop),
+            ("homing", self._homing),
+        ):
+            if block.Error and block.ErrorID != self._axis.error_id:
+                notes.append(f"{name} refused, {error_text(block.ErrorID)}")
+        if self._pressed:
+            notes.append(f"{self._pressed} is held until `release` or f6")
+        return notes
+
+    def line(self) -> str:
+        """Return the state of the axis in one line."""
+        return "  ".join([f"{self._bench.now_s:9.3f} s", self._log_status(), *self.values(), *self.notes()])
+
+    def changed(self) -> bool:
+        """Return whether something has happened since the last call that no line was typed for."""
+        now = (self._log_status(), tuple(self.notes()))
+        before, self._seen = self._seen, now
+        return now != before
+
+    # -- what is done
+    # -----------------------------------------------------------------------------------------
+
+    def execute(self, text: str) -> None:
+        """Carry out one line.
+
+        Raises:
+            ConfigurationError: There is no such command, or its values are no numbers or not allowed.
+
+        """
+        found = parse(text, self.commands)
+        if found is not None:
+            name, numbers = found
+            self.commands[name][2](*numbers)
+
+    def let_pass(self, cycles: int = _AFTER_COMMAND) -> None:
+        """Let some cycles pass."""
+        self._bench.run_for(cycles * self._bench.cycle_ns * 1e-9)
+
+    def close(self) -> None:
+        """Stop the axis and take its enables away."""
+        self._release()
+        if self._axis.operational:
+            self._stops()
+            self._bench.run_until(lambda: self._axis.object.motion.standing, timeout=10.0)
+        self._axis.power(False, positive=False, negative=False)
+        self.let_pass()
+        self._untrack()
+
+    def _enable(self, override: float = 100.0) -> None:
+        self._set(1.0, 1.0, 1.0, override)
+
+    def _set(self, controller: float, forward: float, backward: float, override: float = 100.0) -> None:
+        for name, value in (("C", controller), ("FW", forward), ("BW", backward)):
+            if value not in (0.0, 1.0):
+                raise ConfigurationError(name, value, "0 or 1")
+        if not 0.0 <= override <= 100.0:
+            raise ConfigurationError("OVERRIDE", override, "0 to 100 %")
+        self._axis.power(
+            controller == 1.0, positive=forward == 1.0, negative=backward == 1.0, override=override
+        )
+
+    def _field(self, name: str) -> Callable[[float], None]:
+        return lambda value: setattr(self, name, value)
+
+    def _dynamic(self, name: str) -> Callable[[float], None]:
+        def set_(value: float) -> None:
+            if not value >= 0.0:
+                raise ConfigurationError(name.lower(), value, "0 or more")
+            self._dynamics[name] = value
+
+        return set_
+
+    def _key(self, key: str) -> Callable[..., None]:
+        def press(seconds: float | None = None) -> None:
+            self._release()
+            mode, backwards = _JOGS[key]
+            self._jog.set(Mode=mode, JogForward=not backwards, JogBackwards=backwards)
+            self._pressed = key
+            if seconds is not None:
+                self._wait(seconds)
+                self._release()
+
+        return press
+
+    def _release(self) -> None:
+        if self._pressed:
+            self._jog.set(JogForward=False, JogBackwards=False)
+            self._pressed = ""
+            self.let_pass(2)
+
+    def _start(self) -> None:
+        self._release()
+        self._give(self._move, Position=self._target, Velocity=self._velocity, **self._dynamics)
+
+    def _stops(self) -> None:
+        self._release()
+        self._give(self._stop, Deceleration=self._dynamics["Deceleration"], Jerk=self._dynamics["Jerk"])
+
+    def _reset(self) -> None:
+        self._lag = [0.0, 0.0]
+        self._move.set(Execute=False)
+        self._axis.reset()
+
+    def _home(self) -> None:
+        self._release()
+        self._give(self._homing)
+
+    def _cam(self, state: float) -> None:
+        if state not in (0.0, 1.0):
+            raise ConfigurationError("cam", state, "0 or 1")
+        self._homing.set(bCalibrationCam=state == 1.0)
+
+    def _wait(self, seconds: float) -> None:
+        if not 0.0 <= seconds <= _LONGEST_S:
+            raise ConfigurationError("wait", seconds, f"0 to {_LONGEST_S:g} s")
+        self._bench.run_for(seconds)
+
+    def _quit(self) -> None:
+        self.ended = True
