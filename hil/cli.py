@@ -85,6 +85,14 @@ JsonOption = Annotated[
     bool, typer.Option("--json", help="Result as JSON on standard output, with nothing else on it.")
 ]
 VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="A line for each case.")]
+BudgetOption = Annotated[
+    str,
+    typer.Option(
+        "--budget",
+        metavar="TIME",
+        help="Begin nothing after this time (5m, 1h30m); say what was left out.",
+    ),
+]
 JobsOption = Annotated[
     str,
     typer.Option("--jobs", "-j", metavar="N", help="Worker processes; 0 or auto: one for every processor."),
@@ -205,6 +213,7 @@ def run(
     time_limit: Annotated[
         float, typer.Option("--time-limit", metavar="S", min=0.0, help="Wall time of every case; 0: its own.")
     ] = 0.0,
+    budget: BudgetOption = "",
     cluster: Annotated[
         str, typer.Option("--cluster", metavar="ADDRESS", help="Run on the workers of this dask scheduler.")
     ] = "",
@@ -236,6 +245,7 @@ def run(
     as_json: JsonOption = False,
 ) -> None:
     """Run campaigns and write the report."""
+    from hil._commands.durations import parse_duration
     from hil._commands.run import RunRequest, list_campaigns, list_cases, parse_jobs, run_campaigns
 
     if not campaigns:
@@ -253,6 +263,7 @@ def run(
         last_failed=last_failed,
         shard=shard,
         wall_limit_s=time_limit,
+        budget_s=parse_duration("--budget", budget),
         cluster=cluster,
         evidence=evidence,
         as_json=as_json,
@@ -734,6 +745,7 @@ def mutants(
         Path | None,
         typer.Option("--report", "-r", metavar="DIR", help="Folder for mutants.json, .md, .html and .xml."),
     ] = None,
+    budget: BudgetOption = "",
     coverage: Annotated[
         Path,
         typer.Option(
@@ -747,6 +759,7 @@ def mutants(
     as_json: JsonOption = False,
 ) -> None:
     """Switch on defects one at a time and show which case notices each."""
+    from hil._commands.durations import parse_duration
     from hil._commands.mutants import MutantsRequest, seed_defects
     from hil._commands.run import parse_jobs
 
@@ -767,6 +780,7 @@ def mutants(
         mechanical=mechanical,
         most_cases=cases or (40 if mechanical else 0),
         coverage=coverage,
+        budget_s=parse_duration("--budget", budget),
     )
     raise typer.Exit(seed_defects(request))
 

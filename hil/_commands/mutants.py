@@ -56,6 +56,8 @@ class MutantsRequest:
     mechanical: int = 0
     """So many defects are drawn from the source; 0: those of the catalogue."""
     most_cases: int = 0
+    budget_s: float = 0.0
+    """Wall time after which nothing further begins, s; 0: no limit."""
     coverage: Path | None = None
     """File that keeps what cases come to; None: all cases are measured."""
 
@@ -108,6 +110,7 @@ def seed_defects(request: MutantsRequest) -> int:
             every_case=request.every_case,
             limit_s=request.limit_s,
             most_cases=request.most_cases,
+            budget_s=request.budget_s,
         )
 
         def on_result(result: MutantResult, done: int, total: int) -> None:
@@ -206,6 +209,12 @@ def _tell(seeding: Seeding, report: Path | None) -> None:
         style="dim",
         markup=False,
     )
+    if seeding.unknown:
+        out.print(
+            f"the budget is used up: {seeding.unknown} cases did not run without a defect and judge nothing",
+            style="bold yellow",
+            markup=False,
+        )
     for row in shares(seeding):
         out.print(row.line, markup=False)
     if report is not None:

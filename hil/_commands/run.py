@@ -57,6 +57,8 @@ class RunRequest:
     shard: str = ""
     """`2/4`: the second of four parts; empty: all."""
     wall_limit_s: float = 0.0
+    budget_s: float = 0.0
+    """Wall time after which no further case begins, s; 0: no limit."""
     cluster: str = ""
     evidence: str = "failed"
     as_json: bool = False
@@ -279,6 +281,7 @@ def run_selected(cases: list[Selected], request: RunRequest, own: Sequence[Requi
         repeat_failed=request.last_failed,
         shard=parse_shard(request.shard),
         wall_limit_s=request.wall_limit_s,
+        budget_s=request.budget_s,
         cluster=request.cluster,
     )
     with quiet_stdout(request.as_json), only_run_in(request.report):
@@ -292,6 +295,8 @@ def run_selected(cases: list[Selected], request: RunRequest, own: Sequence[Requi
     if request.as_json:
         print_json(summary(run, report=str(paths.report), junit=str(paths.junit)))
     tell(run, paths, background)
+    if request.budget_s and run.interrupted:
+        console().print(skipped(run, mine), style="bold yellow", markup=False)
     return exit_code(run)
 
 
@@ -316,6 +321,16 @@ def finish(
     """
     complete(run, own)
     return write_report(run, directory, background=background, earlier=earlier)
+
+
+def skipped(run: RunResult, cases: Sequence[Selected]) -> str:
+    """Return what a budget of time has left out, by campaign."""
+    ran = {case.identifier for case in run.cases}
+    left = Counter(item.case.group for item in cases if item.case.identifier not in ran)
+    parts = ", ".join(f"{group} {count}" for group, count in left.items())
+    return (
+        f"the budget is used up: {left.total()} of {len(cases)} cases did not run ({parts}); --resume goes on"
+    )
 
 
 def exit_code(run: RunResult) -> int:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import platform
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
+from itertools import zip_longest
 from pathlib import Path
 from typing import Final
 
@@ -57,6 +59,10 @@ class RunOptions:
     """Address of a dask scheduler whose workers run the cases; empty: this machine."""
     shard: tuple[int, int] | None = None
     """`(2, 4)`: run the second of four parts of the cases; None: all of them."""
+    budget_s: float = 0.0
+    """Wall time after which no further case begins, s; 0: no limit. With one the first case of every family
+    comes before the second of any.
+    """
     executor: Executor | None = None
     """Another executor in place of those that `jobs` and `cluster` choose."""
 
@@ -171,9 +177,15 @@ class Runner:
         self._run.bench_text = "\n\n".join(file.text for file in files)
         self._open_journal()
         orders = [self._order(item) for name, item in self._cases.items() if name not in self._results]
+        budget_s, started = self._options.budget_s, time.monotonic()
+        if budget_s:
+            orders = _in_turn(orders)
         try:
             for result in self._execute(orders):
                 self._keep(result)
+                if budget_s and time.monotonic() - started > budget_s:
+                    self._run.interrupted = len(self._results) < len(self._cases)
+                    break
         except KeyboardInterrupt:
             self._run.interrupted = True
         self._run.cases = [self._results[name] for name in self._cases if name in self._results]
@@ -289,6 +301,14 @@ class Runner:
                 bench_digest=order.bench_digest,
             ),
         )
+
+
+def _in_turn(orders: Sequence[Order]) -> list[Order]:
+    """Return orders with the first of every family of cases before the second of any."""
+    families: dict[str, list[Order]] = {}
+    for order in orders:
+        families.setdefault(order.identifier.rpartition("/")[0], []).append(order)
+    return [order for turn in zip_longest(*families.values()) for order in turn if order is not None]
 
 
 def _title(cases: Sequence[Selected]) -> str:

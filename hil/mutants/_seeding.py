@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -44,6 +45,9 @@ class SeedingOptions:
     """Run every case that can notice a defect, not only until the first that does."""
     limit_s: float = 0.0
     """Limit of wall time of a case, s; 0: from the time that it takes without a defect."""
+    budget_s: float = 0.0
+    """Wall time after which nothing further begins, s; at most half of it goes into cases without a defect.
+    0: no limit."""
     most_cases: int = 0
     """So many of the cases that come to the changed statement are tried, of all campaigns in turn; 0: all."""
 
@@ -148,6 +152,8 @@ class Seeding:
     """Cases that fail without any defect; with one of them no defect is judged."""
     seconds: float = 0.0
     baseline_seconds: float = 0.0
+    unknown: int = 0
+    """Cases that there was no time to run without a defect."""
     measured: int = 0
     """Cases that ran without any defect; of the others it was known what they come to."""
     interrupted: bool = False
@@ -314,12 +320,12 @@ class Seeder:
                 seeding.baseline[judge] = Outcome(
                     judge, known.verdict, "", known.seconds, self._reached_by(known)
                 )
-        self._run_without_defect(new)
+        self._run_without_defect(new, 0.5)
         seeding.baseline_seconds += time.perf_counter() - started
         return not seeding.red
 
-    def _run_without_defect(self, judges: Sequence[Judge]) -> None:
-        """Run cases without a defect, and keep what they come to."""
+    def _run_without_defect(self, judges: Sequence[Judge], share: float = 0.0) -> None:
+        """Run cases without a defect, and keep what they come to; `share`: of the budget, 0: all of them."""
         if not judges:
             return
         seeding, seed = self._seeding, self._options.case_seed
@@ -331,7 +337,7 @@ class Seeder:
             for some in (judges[at : at + _CHUNK] for at in range(0, len(judges), _CHUNK))
         ]
         total = len({*seeding.baseline, *judges})
-        for finished in run_tasks(self._pool, tasks):
+        for finished in self._in_time(tasks, share):
             if finished.error:
                 raise CannotRunError(finished.error)
             for outcome in finished.outcomes:
@@ -346,6 +352,15 @@ class Seeder:
                 if self._on_baseline is not None:
                     self._on_baseline(outcome, len(seeding.baseline), total)
 
+    def _in_time(self, tasks: Sequence[Task], share: float) -> Iterator[Finished]:
+        """Run tasks until a share of the budget is used up, if there is one and the share is not 0."""
+        until_s = share * self._options.budget_s
+        with closing(run_tasks(self._pool, tasks)) as results:
+            for finished in results:
+                yield finished
+                if until_s and time.perf_counter() - self._started_s > until_s:
+                    return
+
     def _reached_by(self, covered: Covered) -> frozenset[str]:
         return frozenset(name for name, places in self._places.items() if covered.comes_to(places))
 
@@ -359,7 +374,9 @@ class Seeder:
         notice it, and then it is over.
         """
         baseline = self._seeding.baseline
-        green = [judge for judge in judges if baseline[judge].verdict == "passed"]
+        seeding = self._seeding
+        seeding.unknown = sum(judge not in baseline for judge in judges)
+        green = [judge for judge in judges if judge in baseline and baseline[judge].verdict == "passed"]
         reached = {judge: baseline[judge].reached for judge in green}
         seconds = {judge: baseline[judge].seconds for judge in green}
         tasks = []
@@ -382,10 +399,12 @@ class Seeder:
                 )
             elif only is None:
                 self._tell(result)
-        for finished in run_tasks(self._pool, tasks):
+        for finished in self._in_time(tasks, 1.0):
             result = self._take(finished)
             if only is None or result.caught or result.error:
                 self._tell(result)
+        if only is None and not all(self._done[mutant.name].over for mutant in mutants):
+            seeding.interrupted = True
         # A case that is only known to have been green may be red by now for another reason.
         self._run_without_defect(
             [

@@ -5,7 +5,7 @@ nobody else.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -175,7 +175,7 @@ class Finished:
             self.outcomes.append(Outcome(task.judges[done], verdict, reason, seconds, names))
 
 
-def run_tasks(pool: Pool[Task, Outcome | None], tasks: Iterable[Task]) -> Iterator[Finished]:
+def run_tasks(pool: Pool[Task, Outcome | None], tasks: Iterable[Task]) -> Generator[Finished, None, None]:
     """Run tasks and give each as it ends; the rest of one whose process was lost goes to another process."""
     found = [Finished(task) for task in tasks]
     by_part = {id(one.task): one for one in found}

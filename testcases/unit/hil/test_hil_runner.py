@@ -5,6 +5,7 @@ import re
 
 import pytest
 
+from hil._commands.durations import parse_duration
 from hil.campaign import SHIPPED, Runner, RunOptions, case_seed, find_campaigns, select_cases
 from hil.campaign._discover import Selected, load_campaign
 from hil.campaign._files import folder_name
@@ -366,3 +367,27 @@ def test_no_two_cases_share_the_folder_of_their_evidence():
     assert len(set(folders)) == len(names)
     for folder in folders:
         assert re.fullmatch(r"[A-Za-z0-9-][A-Za-z0-9._-]{0,140}", folder), folder
+
+
+def test_a_budget_ends_a_run_and_resume_goes_on(tmp_path):
+    """No case begins after the time; the first of every family came before the second of any; the rest runs
+    with resume.
+    """
+    first = run(toy_cases(), directory=tmp_path, budget_s=1e-9)
+    assert (first.interrupted, len(first.cases)) == (True, 1)
+    whole = run(toy_cases(), directory=tmp_path, resume=True, budget_s=1e6)
+    assert not whole.interrupted
+    assert {case.identifier: case.verdict.value for case in whole.cases} == EXPECTED
+
+
+@pytest.mark.parametrize(("text", "seconds"), [("", 0.0), ("90s", 90.0), ("5m", 300.0), ("1h30m", 5400.0)])
+def test_a_time_of_the_command_line(text, seconds):
+    """Hours, minutes and seconds."""
+    assert parse_duration("--budget", text) == seconds
+
+
+@pytest.mark.parametrize("text", ["five", "0", "-1m", "5 m", "m"])
+def test_what_is_no_time_is_refused(text):
+    """The message says what is allowed."""
+    with pytest.raises(CannotRunError, match=r"--budget '.*' is not allowed; allowed: a time such as"):
+        parse_duration("--budget", text)
