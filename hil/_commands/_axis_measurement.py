@@ -11,7 +11,7 @@ import gc
 import statistics
 import time
 from collections.abc import Callable
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 from typing_extensions import override
 
@@ -19,14 +19,27 @@ from fieldbus.clock import VirtualScheduler
 from hil._commands._measurements import Figure
 from hil.errors import CannotRunError
 from motion.drives.port import STW1_OPERATE, DrivePort
-from motion.s7.axis import PositioningAxis
-from motion.s7.instructions import MC_Home, MC_MoveAbsolute, MC_MoveVelocity, MC_Power
+from motion.kernel.cams import Point
+from motion.s7.axis import PositioningAxis, SynchronousAxis, TechnologyAxis
+from motion.s7.cams import Cam
+from motion.s7.instructions import (
+    MC_CamIn,
+    MC_GearIn,
+    MC_Home,
+    MC_InterpolateCam,
+    MC_MoveAbsolute,
+    MC_MoveVelocity,
+    MC_Power,
+)
 from motion.s7.instructions.base import Instruction
 from motion.s7.runtime import Runtime
 
 _Job = TypeVar("_Job", bound=Instruction)
+_Axis = TypeVar("_Axis", bound=PositioningAxis | SynchronousAxis)
 CYCLE_NS: Final = 1_000_000
 STATES: Final = ("standstill", "velocity", "positioning")
+FOLLOWERS: Final = ("gearing", "camming")
+"""What `RunningFollowers` do."""
 AXES: Final = 4
 
 _STEPS: Final = 131072
@@ -126,6 +139,93 @@ class RunningAxes:
                         move.Position = 0.0 if move.Position else 100.0
                         move.Execute = True
             cycle()
+
+
+class RunningFollowers:
+    """A controller with a leading axis at constant velocity and axes that follow it; `run` is what is timed.
+
+    Args:
+        kind: One of `FOLLOWERS`.
+        count: Number of followers.
+
+    Raises:
+        CannotRunError: They do not follow.
+
+    """
+
+    def __init__(self, kind: str, count: int) -> None:
+        self.runtime = Runtime(VirtualScheduler(), cycle_ns=CYCLE_NS)
+        leader = self._axis(PositioningAxis, "leader")
+        followers = [self._axis(SynchronousAxis, f"follower{number}") for number in range(count)]
+        for follower in followers:
+            follower.leading_objects = (leader,)
+        self.axes: tuple[TechnologyAxis, ...] = (leader, *followers)
+        """The leading one first."""
+        for axis in self.axes:
+            self._call(MC_Power(axis, Enable=True, StartMode=1))
+        self.run(50)
+        for axis in self.axes:
+            self._call(MC_Home(axis, Execute=True))
+        cam = Cam("cam", points=[Point(0.0, 0.0), Point(50.0, 20.0), Point(100.0, 0.0)])
+        self.runtime.add_cam(cam)
+        self._call(MC_InterpolateCam(cam, Execute=True))
+        self.run(20)
+        self._call(MC_MoveVelocity(leader, Execute=True, Velocity=_VELOCITY))
+        jobs: list[MC_GearIn | MC_CamIn] = []
+        how: dict[str, Any] = {"Master": leader, "Execute": True}
+        if kind == "camming":
+            how |= {"Cam": cam, "SyncProfileReference": 2, "ApplicationMode": 1}
+        for follower in followers:
+            job = MC_CamIn(follower, **how) if kind == "camming" else MC_GearIn(follower, **how)
+            jobs.append(self._call(job))
+        self.run(1000)
+        if not all(job.InGear if isinstance(job, MC_GearIn) else job.InSync for job in jobs):
+            raise CannotRunError("the followers of the benchmark do not follow")
+
+    def _axis(self, made: type[_Axis], name: str) -> _Axis:
+        axis = made(name, EchoPort(CYCLE_NS * 1e-9), cycle_ns=CYCLE_NS, variables=_VARIABLES)
+        self.runtime.add(axis)
+        return axis
+
+    def _call(self, instance: _Job) -> _Job:
+        self.runtime.call(instance)
+        return instance
+
+    def run(self, cycles: int) -> None:
+        """Let `cycles` application cycles pass."""
+        cycle = self.runtime.task.cycle
+        for _ in range(cycles):
+            cycle()
+
+
+def follower_cycles(cycles: int = 1500, rounds: int = 7) -> list[Figure]:
+    """Return microseconds per following axis and cycle, and how many times that of a positioning axis it is:
+    in each round the leading axis alone, with followers, and positioning axes take turns.
+    """
+    positioning, alone = RunningAxes("positioning", AXES), RunningAxes("velocity", 1)
+    following = {kind: RunningFollowers(kind, AXES) for kind in FOLLOWERS}
+    costs: dict[str, list[float]] = {kind: [] for kind in ("positioning", *FOLLOWERS)}
+
+    def timed(run: Callable[[int], None]) -> float:
+        started = time.process_time()
+        run(cycles)
+        return (time.process_time() - started) / cycles
+
+    gc.collect()
+    for _ in range(rounds):
+        leading = timed(alone.run)
+        costs["positioning"].append(timed(positioning.run) / AXES)
+        for kind, running in following.items():
+            costs[kind].append((timed(running.run) - leading) / AXES)
+    figures = []
+    for kind in FOLLOWERS:
+        cost = statistics.median(costs[kind])
+        share = statistics.median(
+            one / other for one, other in zip(costs[kind], costs["positioning"], strict=True)
+        )
+        figures.append(Figure(f"axis_cycle_{kind}", cost * 1e6, "us/axis"))
+        figures.append(Figure(f"axis_cycle_{kind}_to_positioning", share, "times"))
+    return figures
 
 
 def axis_cycles(cycles: int = 4000, rounds: int = 7) -> list[Figure]:

@@ -8,11 +8,12 @@ import gc
 import time
 from typing import TYPE_CHECKING
 
-from hil._commands._axis_measurement import axis_cycles
+from hil._commands._axis_measurement import axis_cycles, follower_cycles
 from hil._commands._measurements import (
     Figure,
     can_frames,
     can_ports,
+    geared_speed,
     position_plans,
     sdo_uploads,
     speed,
@@ -97,11 +98,15 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
         ):
             progress.step(number, name)
             figures.extend(compare())
+        figures.extend(follower_cycles())
+        factor = geared_speed(load_bench("line_shaft").config, seconds)
+        figures.append(Figure("sim_factor_9axes_geared_4ms", factor, "simulated s / wall s"))
     if as_json:
         print_json([{"name": f.name, "value": round(f.value, 2), "unit": f.unit} for f in figures])
     else:
         for figure in figures:
-            print(f"{figure.name:32} {figure.value:>12,.1f} {figure.unit}")  # noqa: T201 - the answer
+            digits = 2 if figure.unit == "times" else 1
+            print(f"{figure.name:36} {figure.value:>12,.{digits}f} {figure.unit}")  # noqa: T201 - the answer
     return 0
 
 

@@ -5,7 +5,7 @@ Reads the trace, runs nothing.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 MESSAGE_WINDOW: Final = 30
 """Frames kept before and after every fault and alarm."""
 _MAX_STEPS: Final = 2000
+_SYNCHRONOUS: Final = 3
+"""Phase of an axis that is on its function."""
 
 USUAL_SIGNALS: Final = frozenset(
     {
@@ -29,6 +31,7 @@ USUAL_SIGNALS: Final = frozenset(
         "actual_position", "actual_velocity", "following_error",
         "actual_torque", "speed_output", "status_word", "alarm_number", "state", "stw1", "zsw1",
         "position", "velocity", "torque", "controlword", "statusword", "inputs", "error_code", "load",
+        "leading_position", "function_position", "sync_phase",
     }
 )  # fmt: skip
 """Columns kept in the report unless a case says otherwise."""
@@ -291,4 +294,26 @@ def build_signals(trace: Trace, wanted: Sequence[str] = (), *, judged: Iterable[
     else:
         chosen = [name for name in trace.names() if name.partition(".")[2] in USUAL_SIGNALS]
     chosen += [name for name in judged if name in trace]
-    return [trace[name] for name in dict.fromkeys(chosen)]
+    found: list[Signal] = [trace[name] for name in dict.fromkeys(chosen)]
+    return found if wanted else [*found, *_function_errors(trace)]
+
+
+def _function_errors(trace: Trace) -> Iterator[Signal]:
+    """Return by how much the actual position of every synchronous axis is off its function: that of the
+    setpoint which it can have reached by now.
+    """
+    for axis in trace.components_with("function_position", "sync_phase", "actual_position"):
+        phase, function, actual = (
+            trace[f"{axis}.{name}"] for name in ("sync_phase", "function_position", "actual_position")
+        )
+        synchronous = np.round(phase.values) == _SYNCHRONOUS
+        if not synchronous.any():
+            continue
+        then = phase.time_s - trace.constants.get(f"{axis}.delay_s", 0.0)
+        place = np.searchsorted(phase.time_s, then - 1e-9)
+        # Both ends of the delay have to be synchronous.
+        synchronous &= synchronous[place]
+        error = np.where(
+            synchronous, actual.values - np.interp(then, function.time_s, function.values), np.nan
+        )
+        yield Signal(f"{axis}.function_error", function.unit, phase.time_s, error, {})

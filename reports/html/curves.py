@@ -51,8 +51,8 @@ def picture(x: Sequence[float], panels: Sequence[Panel], *, label: str) -> Node:
         top += _PANEL + _GAP
     base = top - _GAP
     for place, anchor, value in ((_LEFT, "start", low), (_RIGHT, "end", high)):
-        nodes.append(_text(place, base + 16.0, short(value), anchor))
-    nodes.append(_text(0.5 * (_LEFT + _RIGHT), base + 16.0, label, "middle"))
+        nodes.append(text_node(place, base + 16.0, short(value), anchor))
+    nodes.append(text_node(0.5 * (_LEFT + _RIGHT), base + 16.0, label, "middle"))
     height = base + _BOTTOM
     return ["svg", {"class": "curve-svg", "viewBox": f"0 0 {_WIDTH:g} {height:g}", "role": "img"}, nodes]
 
@@ -75,34 +75,36 @@ def _panel(
     nodes: list[Json] = [
         [
             "rect",
-            _attributes(x=_LEFT, y=top, width=_RIGHT - _LEFT, height=_PANEL) | {"class": "curve-frame"},
+            attributes(x=_LEFT, y=top, width=_RIGHT - _LEFT, height=_PANEL) | {"class": "curve-frame"},
             [],
         ],
-        ["line", _attributes(x1=_LEFT, x2=_RIGHT, y1=at(0.0), y2=at(0.0)) | {"class": "curve-zero"}, []],
+        ["line", attributes(x1=_LEFT, x2=_RIGHT, y1=at(0.0), y2=at(0.0)) | {"class": "curve-zero"}, []],
         ["polyline", {"points": points, "class": f"curve-line curve-{number % 4}"}, []],
     ]
     nodes += [
         [
             "circle",
-            _attributes(cx=_LEFT + (px - of_x[0]) * of_x[1], cy=at(y), r=2.6) | {"class": "curve-point"},
+            attributes(cx=_LEFT + (px - of_x[0]) * of_x[1], cy=at(y), r=2.6) | {"class": "curve-point"},
             [],
         ]
         for px, y in panel.points
     ]
     nodes += [
-        _text(_LEFT - 6.0, top + 10.0, short(high), "end"),
-        _text(_LEFT - 6.0, top + _PANEL, short(low), "end"),
-        _text(_LEFT + 6.0, top + 14.0, panel.label, "start"),
+        text_node(_LEFT - 6.0, top + 10.0, short(high), "end"),
+        text_node(_LEFT - 6.0, top + _PANEL, short(low), "end"),
+        text_node(_LEFT + 6.0, top + 14.0, panel.label, "start"),
     ]
     return nodes
 
 
-def _attributes(**values: float) -> dict[str, Json]:
+def attributes(**values: float) -> dict[str, Json]:
+    """Return numbers as attributes of an element, with one decimal place."""
     return {key: f"{value:.1f}" for key, value in values.items()}
 
 
-def _text(x: float, y: float, text: str, anchor: str) -> Json:
-    return ["text", _attributes(x=x, y=y) | {"text-anchor": anchor}, [text]]
+def text_node(x: float, y: float, text: str, anchor: str) -> Json:
+    """Return a text at a place; `anchor` says which end of it is there: start, middle, end."""
+    return ["text", attributes(x=x, y=y) | {"text-anchor": anchor}, [text]]
 
 
 def short(value: float) -> str:

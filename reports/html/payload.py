@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from reports.coverage import NO_STOP, reactions_to, state_of, stop_modes, stop_reactions
 from reports.html.curves import cam_payload
+from reports.html.following import following_payloads
 from reports.html.homing import drawing_payload
 from reports.html.numbers import encode_all, thin
 from reports.html.signals import Lane, Panel, arrange, bands, component, is_setpoint
@@ -178,7 +179,7 @@ def case_payload(case: CaseResult, *, points: int) -> JsonObject:
         "log": _messages(messages, range(len(messages))) if limit < len(messages) <= whole else [],
         "focus": [_time(moment) for moment in focus],
         "messageTotal": len(messages),
-        "cams": [cam_payload(cam) for cam in case.cams],
+        "cams": [*following_payloads(case.signals), *(cam_payload(cam) for cam in case.cams)],
         "homings": [drawing_payload(drawing) for drawing in case.homings],
         "files": [[name, path, file_link(path)] for name, path in case.files.items()],
     }

@@ -18,9 +18,13 @@ import numpy as np
 
 from reports.model import Signal
 
+_FOLLOWING: Final = "Leading and following value"
+"""Panel of what a synchronous axis gets and makes of it."""
 _QUANTITIES: Final[tuple[tuple[str, str], ...]] = (
     # pattern in the signal's own name, title of the panel; the first match counts, the order is that of the
     # plot
+    (r"function_?error", "Function error"),
+    (r"leading_position|function_position", _FOLLOWING),
     (r"following_?error|position_?(error|deviation)", "Following error"),
     (r"(velocity|speed)_?(error|deviation)", "Velocity deviation"),
     (r"jerk", "Jerk"),
@@ -35,8 +39,10 @@ _QUANTITIES: Final[tuple[tuple[str, str], ...]] = (
 )
 _ORDER: Final = (
     "Position",
+    _FOLLOWING,
     "Velocity",
     "Following error",
+    "Function error",
     "Torque",
     "Speed",
     "Velocity deviation",
@@ -46,7 +52,9 @@ _ORDER: Final = (
     "Voltage",
     "Temperature",
 )
-_FIRST_SIGHT: Final = 4
+_FALLBACK: Final = 4
+"""Panels that are shown where none of those at first sight is there."""
+_FIRST_SIGHT: Final = 6
 """Panels shown at once: the quantities before `Speed`, which stands in where there is no velocity."""
 _SETPOINT: Final = re.compile(r"setpoint|demand|target|command|reference|nominal|_output$")
 _MOTION: Final = re.compile(r"position|velocity|speed")
@@ -134,8 +142,10 @@ def arrange(
             continue
         title = _quantity(signal.name)
         # Who rests has a panel of its own: a curve that never moves would only take room.
-        key = (title, signal.unit, component(signal.name) in idle)
-        panels.setdefault(key, Panel(title, signal.unit)).signals.append(signal)
+        # The leading object may count in another unit.
+        unit = "" if title == _FOLLOWING else signal.unit
+        key = (title, unit, component(signal.name) in idle)
+        panels.setdefault(key, Panel(title, unit)).signals.append(signal)
     parts = [part for panel in panels.values() for part in _split(panel)]
     for part in parts:
         part.idle = {component(signal.name) for signal in part.signals} <= idle
@@ -144,7 +154,7 @@ def arrange(
     if "Velocity" not in shown:
         shown |= _show(ranked, ("Speed",))
     if not shown:
-        for panel in ranked[:_FIRST_SIGHT]:
+        for panel in ranked[:_FALLBACK]:
             panel.shown = True
     order = {"state": 0, "code": 1, "bit": 2, "word": 3}
     lanes.sort(key=lambda lane: order[lane.kind])

@@ -99,21 +99,26 @@ class ScaledCurve:
 
     def cycle(self, x: float) -> int:
         """Return the number of the run in which `x` lies, 0 for the first; always 0 when it is run once."""
-        return 0 if self.mode == ONCE else self._cycle(self.argument(x))
+        if self.mode == ONCE:
+            return 0
+        # As `_cycle` of `argument`: both functions are called in every cycle of every following axis.
+        curve = self.curve
+        argument = (x - self.master_offset) / self.master_scaling
+        return floor((argument - curve.start) / curve.period + _ROUNDING)
 
     def evaluate(self, x: float) -> Values:
         """Return the following value and its first two derivatives by the scaled leading value."""
-        argument = self.argument(x)
-        curve = self.curve
+        curve, slave, master = self.curve, self.slave_scaling, self.master_scaling
+        argument = (x - self.master_offset) / master
         added = 0.0
         if self.mode != ONCE and not curve.start <= argument < curve.end:
-            cycle = self._cycle(argument)
+            cycle = floor((argument - curve.start) / curve.period + _ROUNDING)
             argument -= cycle * curve.period
-            argument = max(argument, curve.start)
+            if argument < curve.start:  # noqa: PLR1730 - `max` costs a call
+                argument = curve.start
             if self.mode == APPENDING:
                 added = cycle * curve.lift
         y, d, dd = curve.evaluate(argument)
-        slave, master = self.slave_scaling, self.master_scaling
         return (
             (y + added) * slave + self.slave_offset,
             d * slave / master,

@@ -257,7 +257,7 @@ function showCase(identifier, place, data, query) {
 
   const pane = h("div.plot-pane");
   if (data.homings.length) append(pane, [h("section.homings", { "aria-label": "Homing", tabindex: 0 }, data.homings.map((homing, i) => homingView(homing, i, (t) => jump(t))))]);
-  if (data.cams.length) append(pane, [h("section.homings", { "aria-label": "Cams", tabindex: 0 }, data.cams.map(camView))]);
+  if (data.cams.length) append(pane, [h("section.homings", { "aria-label": "Followers and cams", tabindex: 0 }, data.cams.map(camView))]);
   const plotted = data.panels.length + data.lanes.length > 0;
   const jump = (t, since, check) => {
     opened.plot?.goTo(t, since);

@@ -1,4 +1,4 @@
-// Pictures of cams: the function and its derivatives over the leading value.
+// Pictures over the leading value: followers with their phases; cams, the function and its derivatives.
 
 function camView(cam, index) {
   const svg = drawn(cam.svg);

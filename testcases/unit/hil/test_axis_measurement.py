@@ -4,7 +4,15 @@ from itertools import pairwise
 
 import pytest
 
-from hil._commands._axis_measurement import AXES, STATES, RunningAxes, axis_cycles
+from hil._commands._axis_measurement import (
+    AXES,
+    FOLLOWERS,
+    STATES,
+    RunningAxes,
+    RunningFollowers,
+    axis_cycles,
+    follower_cycles,
+)
 
 pytestmark = pytest.mark.exhaustive
 
@@ -41,3 +49,31 @@ def test_figures():
         f"axis_cycle_{AXES}axes_positioning",
     ]
     assert all(0.5 < figure.value < 5000.0 and figure.unit == "us/axis" for figure in figures)
+
+
+@pytest.mark.parametrize("kind", FOLLOWERS)
+def test_followers_follow(kind):
+    """The leading axis has a constant velocity; a geared axis has the same, one on a cam goes to and fro."""
+    running = RunningFollowers(kind, 2)
+    places = []
+    for _ in range(400):
+        running.run(1)
+        places.append([axis.var("Position") for axis in running.axes])
+    for number in (1, 2):
+        steps = [after[number] - before[number] for before, after in pairwise(places)]
+        if kind == "gearing":
+            assert steps == pytest.approx([0.3] * len(steps))
+        else:
+            assert max(place[number] for place in places) - min(place[number] for place in places) > 15.0
+            assert min(steps) < -0.05 < 0.05 < max(steps)
+
+
+def test_figures_of_followers():
+    """What a follower costs, and how many times that of a positioning axis."""
+    figures = follower_cycles(cycles=20, rounds=1)
+    assert [(figure.name, figure.unit) for figure in figures] == [
+        ("axis_cycle_gearing", "us/axis"),
+        ("axis_cycle_gearing_to_positioning", "times"),
+        ("axis_cycle_camming", "us/axis"),
+        ("axis_cycle_camming_to_positioning", "times"),
+    ]
