@@ -124,6 +124,7 @@ def numbers_of_drive(section: DriveTable, bench: BenchTable) -> dict[str, float]
         numbers |= {
             "cia402": 1.0,
             "standard": section.personality == "standard",
+            "standard_mapping": section.eds is None and not section.pdo.mapped,
             "sync_loss_fault": section.sync_loss == "fault",
             "missing_setpoints": section.missing_setpoints,
             "torque_precontrol": section.torque_precontrol,

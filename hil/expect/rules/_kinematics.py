@@ -258,7 +258,7 @@ def _telegram_count(axis: AxisView) -> tuple[Numbers, Numbers] | None:
         return None
     bus, node = drive.node
     frames = axis.whole.frames
-    if drive.number("cia402") is not None:
+    if drive.number("cia402") is not None and drive.number("standard_mapping") != 0.0:
         found = frames.of(bus, 0x180 + node)
         rows = found.of_length(8)
         if rows is None:

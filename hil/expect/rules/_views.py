@@ -373,11 +373,14 @@ class DriveView:
 
     @cached_property
     def data(self) -> ProcessData | None:
-        """Its cyclic data on CAN."""
+        """Its cyclic data on CAN; None where it has none, or objects, units or PDOs of its own."""
         if self.node is None:
             return None
         words = None
-        if self.number("cia402") is None:
+        if self.number("cia402") is not None:
+            if self.number("standard_mapping") == 0.0:
+                return None
+        else:
             prefix = f"{self.name}."
             words = {
                 key.removeprefix(prefix): int(value)

@@ -8,7 +8,9 @@ import pytest
 from fieldbus.errors import ConfigurationError, HilError
 from hil.bench import BenchFile
 from hil.cli import main
+from hil.expect import run_checkers
 from motion.drives.cia402_plan import MODES
+from reports.model import Verdict
 from testcases.unit.hil.eds_of_drives import COUNTS, bench_of, drive_eds, plan_of
 
 pytestmark = pytest.mark.exhaustive
@@ -178,6 +180,19 @@ def test_units_and_limits_of_vendors(tmp_path, options, keys):
     """What a vendor's file says in its own units, or leaves open, leads to the right motion."""
     with bench_of(tmp_path, drive_eds(**options), keys).build() as bench:
         assert moved(bench) == pytest.approx(1.0, abs=0.003)
+        wrong = [check for check in run_checkers(bench.trace()) if check.verdict is not Verdict.PASSED]
+        assert not wrong
+
+
+def test_texts_of_a_vendor_are_his(tmp_path):
+    """6503h and 6504h without a default are empty, and not those of the product."""
+    texts = "".join(
+        f"[{index:04X}]\nParameterName=Text\nDataType=9\nAccessType=ro\nPDOMapping=0\n{default}\n\n"
+        for index, default in ((0x6503, ""), (0x6504, "DefaultValue=Maker"), (0x6505, "DefaultValue="))
+    )
+    with bench_of(tmp_path, drive_eds(more=texts)).build() as bench:
+        values = bench.drive().slave.values
+        assert [values[index << 8] for index in (0x6503, 0x6504, 0x6505)] == ["", "Maker", ""]
 
 
 # -- own mappings
