@@ -11,7 +11,7 @@ from hil.cli import main
 from hil.expect import run_checkers
 from motion.drives.cia402_plan import MODES
 from reports.model import Verdict
-from testcases.unit.hil.eds_of_drives import COUNTS, bench_of, drive_eds, plan_of
+from testcases.unit.hil.eds_of_drives import COUNTS, bench_of, built, drive_eds, plan_of
 
 pytestmark = pytest.mark.exhaustive
 
@@ -78,7 +78,7 @@ def test_what_a_drive_refuses_is_done_otherwise(tmp_path, case):
     """A write that is refused although the EDS allows it leads to another plan, and the axis moves."""
     refusals, options, remedies = REFUSED[case]
     more = feed_constant(options["feed"]) if "feed" in options else ""
-    with refusing_bench(tmp_path, refusals, more=more).build() as bench:
+    with built(refusing_bench(tmp_path, refusals, more=more)) as bench:
         assert moved(bench) == pytest.approx(1.0, abs=0.003)
         found = dict(refused(bench))
     assert found.keys() == remedies.keys()
@@ -107,7 +107,7 @@ def test_a_drive_with_which_nothing_works_is_refused_with_what_was_tried(tmp_pat
 
 def test_a_refused_drive_is_not_negotiated_with_twice(tmp_path):
     """A drive that restarts gets at once what it has taken before."""
-    with refusing_bench(tmp_path, {"1A00:3": NOT_MAPPABLE}).build() as bench:
+    with built(refusing_bench(tmp_path, {"1A00:3": NOT_MAPPABLE})) as bench:
         drive = bench.drive()
         drive.power_off()
         bench.run_for(0.5)
@@ -120,14 +120,15 @@ def test_a_refused_drive_is_not_negotiated_with_twice(tmp_path):
 def test_identifiers_that_cannot_be_written_stay_and_the_mapping_is_set(tmp_path):
     """A PDO whose COB-ID is read-only is mapped all the same, without being made invalid."""
     file = bench_of(tmp_path, drive_eds(fixed_ids=(0x1400, 0x1800), records={0x1600: (0x60400010,)}))
-    with file.build() as bench:
+    with built(file) as bench:
         assert moved(bench) == pytest.approx(1.0, abs=0.003)
+        assert not refused(bench)
 
 
 def test_a_drive_that_starts_itself_does_not_take_the_commissioning_for_a_fault(tmp_path):
     """6007h = 1 and a drive that enters Operational by itself: it is set up without a fault."""
     more = "[1F80]\nParameterName=Startup\nDataType=7\nAccessType=rw\nPDOMapping=0\nDefaultValue=0\n\n"
-    with bench_of(tmp_path, drive_eds(changed={0x6007: 1}, more=more)).build() as bench:
+    with built(bench_of(tmp_path, drive_eds(changed={0x6007: 1}, more=more))) as bench:
         assert not [event for event in bench.trace().events if event.kind == "drive.fault"]
         assert moved(bench) == pytest.approx(1.0, abs=0.003)
         assert bench.drive().slave.values[0x600700] == 3
@@ -136,7 +137,7 @@ def test_a_drive_that_starts_itself_does_not_take_the_commissioning_for_a_fault(
 def test_a_drive_without_6007h_that_starts_itself_is_taken_into_service(tmp_path):
     """Nothing keeps it from taking the commissioning for a fault, which is acknowledged then."""
     more = "[1F80]\nParameterName=Startup\nDataType=7\nAccessType=rw\nPDOMapping=0\nDefaultValue=0\n\n"
-    with bench_of(tmp_path, drive_eds(without=(0x6007,), more=more)).build() as bench:
+    with built(bench_of(tmp_path, drive_eds(without=(0x6007,), more=more))) as bench:
         assert [event.kind for event in bench.trace().events if event.kind == "drive.fault"]
         assert moved(bench) == pytest.approx(1.0, abs=0.003)
 
@@ -154,7 +155,13 @@ def test_a_drive_that_cannot_be_used_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("options", "keys"),
     [
-        ({"changed": {0x60A9: "0x00B50300", 0x607F: 400_000, 0x6084: 4_000_000, 0x6085: 4_000_000}}, ""),
+        (
+            {
+                "changed": {0x60A9: "0x00B50300", 0x607F: 400_000, 0x6084: 4_000_000, 0x6085: 4_000_000},
+                "read_only": (0x60A9,),
+            },
+            "",
+        ),
         ({"changed": {0x607F: 5000}, "limits": {0x60FF: (-5000, 5000)}}, ""),
         ({"encoder": (3000, 18)}, f"increments_per_revolution = {COUNTS}\n"),
         (
@@ -178,7 +185,7 @@ def test_a_drive_that_cannot_be_used_is_named(tmp_path):
 )
 def test_units_and_limits_of_vendors(tmp_path, options, keys):
     """What a vendor's file says in its own units, or leaves open, leads to the right motion."""
-    with bench_of(tmp_path, drive_eds(**options), keys).build() as bench:
+    with built(bench_of(tmp_path, drive_eds(**options), keys)) as bench:
         assert moved(bench) == pytest.approx(1.0, abs=0.003)
         wrong = [check for check in run_checkers(bench.trace()) if check.verdict is not Verdict.PASSED]
         assert not wrong
@@ -190,7 +197,7 @@ def test_texts_of_a_vendor_are_his(tmp_path):
         f"[{index:04X}]\nParameterName=Text\nDataType=9\nAccessType=ro\nPDOMapping=0\n{default}\n\n"
         for index, default in ((0x6503, ""), (0x6504, "DefaultValue=Maker"), (0x6505, "DefaultValue="))
     )
-    with bench_of(tmp_path, drive_eds(more=texts)).build() as bench:
+    with built(bench_of(tmp_path, drive_eds(more=texts))) as bench:
         values = bench.drive().slave.values
         assert [values[index << 8] for index in (0x6503, 0x6504, 0x6505)] == ["", "Maker", ""]
 
@@ -219,7 +226,7 @@ def test_a_mapping_of_the_user_is_set_up_and_used(tmp_path):
         (1, 1), (3, 1), (4, 255),
     }  # fmt: skip
     assert any("6077h" in note for note in plan.notes)
-    with file.build() as bench:
+    with built(file) as bench:
         assert moved(bench) == pytest.approx(1.0, abs=0.003)
         frames = bench.trace().frames
     ids = {frame.can_id for frame in frames}
@@ -258,7 +265,7 @@ def test_a_mapping_without_an_eds_is_that_of_the_drive_of_the_product(tmp_path):
     keys = pdo_keys(rpdo1=("6040h", "60FFh", "6060h"), tpdo2=("6041h", "6064h"))
     file = bench_of(tmp_path, drive_eds(), keys)
     text = file.text.replace('eds = "plan.eds"\n', f"increments_per_revolution = {COUNTS}\n")
-    with type(file)(file.source, text).build() as bench:
+    with built(type(file)(file.source, text)) as bench:
         assert moved(bench) == pytest.approx(1.0, abs=0.003)
 
 
@@ -305,7 +312,7 @@ def test_touch_probe_finds_the_zero_mark_in_every_mode_and_unit(tmp_path, mode):
     more = probes() + feed_constant(1000).replace("AccessType=rw", "AccessType=ro")
     file = bench_of(tmp_path, drive_eds(more=more), f'mode = "{mode}"\nindex_increments = 1000\n')
     text = file.text + '"Sensor[1].ActiveHoming.Mode" = 0\n"Homing.ApproachVelocity" = 20.0\n'
-    with type(file)(file.source, text).build() as bench:
+    with built(type(file)(file.source, text)) as bench:
         axis, drive = bench.axis(), bench.drive()
         plan = bench.config.drive["d"].plan()
         assert (plan.mode, plan.increments_per_unit) == (MODES[mode], 4.0)
@@ -323,7 +330,7 @@ def test_a_drive_without_a_torque_limit_does_not_offer_one(tmp_path):
     limit = "[6072]\nParameterName=Max\nDataType=6\nAccessType=rw\nPDOMapping=0\nDefaultValue=3000\n\n"
     found = []
     for more in ("", limit):
-        with bench_of(tmp_path, drive_eds(more=more), 'mode = "csp"\n').build() as bench:
+        with built(bench_of(tmp_path, drive_eds(more=more), 'mode = "csp"\n')) as bench:
             power = bench.axis().power()
             assert bench.run_until(lambda power=power: bool(power.Status), 2.0)
             job = bench.axis().torque_limiting(limit=0.5)
