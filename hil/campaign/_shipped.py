@@ -30,7 +30,8 @@ class ShippedCampaign:
     """Whether `hil demo` runs it."""
     seeding: tuple[str, ...] = ()
     """Benches on which its cases judge seeded defects (`hil mutants`); `own`: the bench of each case;
-    `pairwise`: a configuration for each case."""
+    `pairwise`: a configuration for each case; `nc`: the bench of each case with axes of an NC.
+    """
 
     @property
     def reference(self) -> str:
@@ -49,14 +50,15 @@ class ShippedCampaign:
 
 
 _BOTH: Final = ("reference", "profidrive")
+_WITH_NC: Final = (*_BOTH, "nc")
 
 SHIPPED: Final = (
-    ShippedCampaign("stop_modes", demo=True, seeding=(*_BOTH, "analog", "stepper", "pairwise")),
-    ShippedCampaign("fault_reactions", demo=True, seeding=_BOTH),
-    ShippedCampaign("drive_faults", demo=True, seeding=_BOTH),
-    ShippedCampaign("telegram_faults", demo=True, seeding=("profidrive",)),
+    ShippedCampaign("stop_modes", demo=True, seeding=(*_WITH_NC, "analog", "stepper", "pairwise")),
+    ShippedCampaign("fault_reactions", demo=True, seeding=_WITH_NC),
+    ShippedCampaign("drive_faults", demo=True, seeding=_WITH_NC),
+    ShippedCampaign("telegram_faults", demo=True, seeding=("profidrive", "nc")),
     ShippedCampaign("axis_faults", seeding=_BOTH),
-    ShippedCampaign("homing", seeding=_BOTH),
+    ShippedCampaign("homing", seeding=_WITH_NC),
     ShippedCampaign("axis_signals", seeding=("reference",)),
     ShippedCampaign("holding_brake", seeding=("own",)),
     ShippedCampaign("cia402_drive", seeding=("own",)),
@@ -65,20 +67,15 @@ SHIPPED: Final = (
     ShippedCampaign("nc_axes", seeding=("own",)),
     ShippedCampaign("profidrive_words", seeding=("own",)),
     ShippedCampaign("profidrive_positioner", seeding=("own",)),
-    ShippedCampaign("profidrive_speed", seeding=("own",)),
     ShippedCampaign("modbus_faults", seeding=("own",)),
-    ShippedCampaign("modbus_services", seeding=("own",)),
     ShippedCampaign("axis_motion", seeding=("own", "pairwise")),
-    ShippedCampaign("limits", seeding=("reference", "analog")),
-    ShippedCampaign("monitoring", seeding=("reference",)),
+    ShippedCampaign("limits", seeding=("reference", "nc", "analog")),
+    ShippedCampaign("monitoring", seeding=("reference", "nc")),
     ShippedCampaign("control", seeding=("profidrive",)),
     ShippedCampaign("motion_in", seeding=("reference",)),
     ShippedCampaign("encoders", seeding=("own",)),
     ShippedCampaign("external_encoder", seeding=(f"{PACKAGE}.external_encoder:REFERENCE",)),
     ShippedCampaign("commissioning", seeding=("reference",)),
-    ShippedCampaign("gearing", seeding=("own",)),
-    ShippedCampaign("camming", seeding=("own",)),
-    ShippedCampaign("leading_values", seeding=("own",)),
     ShippedCampaign("stops_of_jobs", matrix=True),
     ShippedCampaign("stops_on_stops", matrix=True),
     ShippedCampaign("faults_in_stops", matrix=True),
@@ -86,7 +83,6 @@ SHIPPED: Final = (
     ShippedCampaign("communication_loss", matrix=True),
     ShippedCampaign("power_faults", matrix=True),
     ShippedCampaign("encoder_faults", matrix=True),
-    ShippedCampaign("synchronous_faults", matrix=True),
 )
 """All of them; `hil run` lists them in this order."""
 

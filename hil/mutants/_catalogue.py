@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from hil.errors import CannotRunError
-from hil.mutants import _axis, _bus, _cia402, _control, _limits_homing, _machine, _profidrive, _setpoints
+from hil.mutants import _axis, _bus, _cia402, _control, _limits_homing, _machine, _nc, _profidrive, _setpoints
 from hil.mutants._mutant import AREAS, Mutant
 from hil.mutants._plan import closest
 
@@ -32,7 +32,7 @@ def by_name(mutants: Sequence[Mutant]) -> dict[str, Mutant]:
 CATALOGUE: Final[Mapping[str, Mutant]] = by_name(
     [
         *_cia402.MUTANTS, *_profidrive.MUTANTS, *_axis.MUTANTS, *_control.MUTANTS, *_setpoints.MUTANTS,
-        *_limits_homing.MUTANTS, *_machine.MUTANTS, *_bus.MUTANTS,
+        *_limits_homing.MUTANTS, *_nc.MUTANTS, *_machine.MUTANTS, *_bus.MUTANTS,
     ]
 )  # fmt: skip
 """The defects that ship with the product, area by area."""

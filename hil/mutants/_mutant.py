@@ -7,9 +7,9 @@ from typing import Final
 
 from fieldbus.errors import ConfigurationError
 
-AREAS: Final = ("cia402", "profidrive", "axis", "machine", "bus")
-"""Where a defect can be: the CiA 402 drive, the PROFIdrive drive with its telegrams, the axis of the
-controller, encoders and mechanics, bus and network."""
+AREAS: Final = ("cia402", "profidrive", "axis", "nc", "machine", "bus")
+"""Where a defect can be: the CiA 402 drive, the PROFIdrive drive with its telegrams, the technology
+objects of the controller, its NC axes, encoders and mechanics, bus and network."""
 PACKAGES: Final = ("motion", "emulators", "fieldbus")
 """Areas of defects that a program draws: the packages of controller, devices and buses."""
 

@@ -9,6 +9,7 @@ from fnmatch import fnmatchcase
 from itertools import zip_longest
 from typing import Final
 
+from hil.bench.makes import NC_BENCH
 from hil.campaign import SHIPPED, Found, find_campaigns, load_bench_file
 from hil.configurations import name_of, plan
 from hil.configurations.factors import CONFIGURATION
@@ -18,6 +19,8 @@ from hil.protocols import kind_of
 
 PAIRWISE: Final = "pairwise"
 """In place of a bench: each case on one of the configurations that serve it."""
+NC: Final = "nc"
+"""In place of a bench: each case on its bench with NC axes, as far as it has a meaning there."""
 _CONFIGURATIONS: Final = 2
 """Seed of these configurations."""
 
@@ -38,9 +41,12 @@ class Judge:
         return f"{self.identifier}@{self.bench}" if self.bench else self.identifier
 
     def fits(self, pattern: str) -> bool:
-        """Return whether a pattern of identifiers, perhaps with a bench, names this case."""
+        """Return whether a pattern of identifiers, perhaps with a bench, or with `nc` for the case on NC
+        axes, names this case.
+        """
         identifier, _, bench = pattern.partition("@")
-        return fnmatchcase(self.identifier, identifier) and (not bench or self.bench == bench)
+        own, _, make = self.identifier.partition("@")
+        return fnmatchcase(own, identifier) and bench in ((make,) if make else ("", self.bench))
 
 
 def find_judges(references: Sequence[str] = ()) -> list[Judge]:
@@ -79,6 +85,13 @@ def _shipped() -> Iterable[tuple[str, str]]:
 def _cases(found: Found, bench: str) -> Iterable[Judge]:
     if bench == PAIRWISE:
         return _on_configurations(found)
+    if bench == NC:
+        made = (found.campaign.on_controller(case, NC) for case in found.campaign.cases)
+        return (
+            Judge(case.identifier, found.reference, f"{NC_BENCH}{case.bench}")
+            for case in made
+            if not case.refusal
+        )
     return (Judge(case.identifier, found.reference, bench or case.bench) for case in found.campaign.cases)
 
 
