@@ -230,8 +230,11 @@ def test_modulo_data_of_the_leading_axis():
     assert (read("StatusExternalLeadingValue.ModuloLength"), bool(read("StatusWord.X5"))) == (36.0, True)
     velocities = []
     rig.other.after_cycle.append(lambda: velocities.append(rig.follower.var("Velocity")))
+    places = [rig.follower.var("Position")]
+    rig.other.after_cycle.append(lambda: places.append(rig.follower.var("Position")))
     rig.run(1.0)
     assert velocities == pytest.approx([100.0] * len(velocities))
+    assert places[-1] - places[0] == pytest.approx(100.0 * CYCLE * (len(places) - 1))
     assert 0.0 <= read("Position") < 36.0
     rig.link.disturb = lambda telegram: setattr(telegram, "modulo_length", 72.0)
     rig.run(0.2)

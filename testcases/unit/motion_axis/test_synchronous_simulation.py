@@ -255,6 +255,25 @@ def test_the_additive_value_acts_on_a_simulated_job():
     assert tag(rig, "FunctionFollowingValue.Position") - before == pytest.approx(8.0)
 
 
+def test_an_offset_on_its_way_goes_on():
+    """What shifts the following value when the simulation begins is not ended by jobs of the axis, and goes
+    on with the leading value.
+    """
+    rig = in_gear(50.0)
+    job = rig.axis.offset_relative(6.0, 40.0)
+    rig.run(0.2)
+    rig.until(rig.leader.halt().done)
+    rig.run(0.3)
+    simulation = rig.axis.synchronized_motion_simulation()
+    rig.cycles(2)
+    assert simulation.InSimulation
+    rig.until(rig.axis.move_relative(3.0).done)
+    assert (job.Busy, job.CommandAborted, tag(rig, "Offset") < 6.0) == (True, False, True)
+    rig.until(rig.leader.move_relative(50.0).done)
+    rig.cycles(2)
+    assert (job.Done, tag(rig, "Offset")) == (True, 6.0)
+
+
 def test_a_job_that_waits_goes_on_waiting():
     """A gear that waits for its leading value, and a way out of the present one, are held until the
     simulation has ended.
