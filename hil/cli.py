@@ -628,11 +628,13 @@ def fuzz(
     bench: BenchOption = "",
     steps: Annotated[int, typer.Option("--steps", min=1, max=200, help="Longest program, in steps.")] = 12,
     configurations: Annotated[
-        bool,
+        bool | None,
         typer.Option(
-            "--configurations", help="Change the bench file too: units, cycles, dynamics, drive, ..."
+            "--configurations/--no-configurations",
+            help="Change the bench file too: units, cycles, dynamics, drive, ...; default: unless a bench is "
+            "given, which also puts half of the programs on machines with one to three axes.",
         ),
-    ] = False,
+    ] = None,
     axes: Annotated[
         int,
         typer.Option("--axes", min=1, help="Axes that get instructions, gears and cams among them."),
@@ -724,6 +726,17 @@ def mutants(
             "--mechanical", metavar="N", help="Draw N defects from the source of motion, emulators, fieldbus."
         ),
     ] = 0,
+    judge: Annotated[
+        str,
+        typer.Option(
+            "--judge",
+            metavar="J",
+            help="Who judges: campaigns, or fuzz: the programs that a search of this seed begins with.",
+        ),
+    ] = "campaigns",
+    programs: Annotated[
+        int, typer.Option("--programs", min=1, metavar="N", help="Programs with --judge fuzz.")
+    ] = 200,
     cases: Annotated[
         int,
         typer.Option(
@@ -778,7 +791,9 @@ def mutants(
         only_list=only_list,
         as_json=as_json,
         mechanical=mechanical,
-        most_cases=cases or (40 if mechanical else 0),
+        judge=judge,
+        programs=programs,
+        most_cases=cases or (40 if mechanical and judge != "fuzz" else 0),
         coverage=coverage,
         budget_s=parse_duration("--budget", budget),
     )

@@ -26,7 +26,7 @@ def fuzz_bench(
     seed: int,
     bench: str,
     steps: int,
-    configurations: bool,
+    configurations: bool | None,
     axes: int,
     jobs: int,
     corpus: Path | None,
@@ -34,6 +34,13 @@ def fuzz_bench(
     as_json: bool,
 ) -> int:
     """Search, tell, return the exit code: 1 when an invariant was broken."""
+    machines: tuple[str, ...] = ()
+    if configurations is None:
+        configurations = not bench and axes == 1
+    if configurations and not bench and axes == 1:
+        from hil.fuzz._machines import machine_names
+
+        machines = machine_names(seed)
     if axes > 1 and not bench:
         bench = SEVERAL_AXES
     with quiet_stdout(as_json):
@@ -52,6 +59,7 @@ def fuzz_bench(
                 longest=steps,
                 configurations=configurations,
                 axes=axes,
+                machines=machines,
                 bench=bench,
                 jobs=jobs,
                 on_run=on_run,

@@ -30,6 +30,8 @@ from hil.mutants import (
 from hil.mutants._results import TABLE_FILE
 from reports import render_html, write_junit
 
+JUDGES: Final = ("campaigns", "fuzz")
+"""Who judges defects."""
 PAGE_FILE: Final = "mutants.html"
 JUNIT_FILE: Final = "mutants.xml"
 
@@ -53,6 +55,10 @@ class MutantsRequest:
     last_failed: bool = False
     only_list: bool = False
     as_json: bool = False
+    judge: str = "campaigns"
+    """One of `JUDGES`."""
+    programs: int = 200
+    """Programs that judge, if the judge is `fuzz`."""
     mechanical: int = 0
     """So many defects are drawn from the source; 0: those of the catalogue."""
     most_cases: int = 0
@@ -95,7 +101,7 @@ def seed_defects(request: MutantsRequest) -> int:
     if request.only_list:
         return _show(mutants, as_json=request.as_json)
     with quiet_stdout(request.as_json):
-        judges = find_judges(request.campaigns)
+        judges = find_judges(_references(request))
         progress = _Progress()
         stored = _stored(request)
         if request.last_failed and not request.resume:
@@ -152,6 +158,22 @@ def _mutants(request: MutantsRequest) -> list[Mutant]:
     if not request.names:
         return drawn
     return select_mutants({mutant.name: mutant for mutant in drawn}, names=request.names)
+
+
+def _references(request: MutantsRequest) -> tuple[str, ...]:
+    """Return the campaigns that judge; none: those that ship."""
+    if request.judge not in JUDGES:
+        raise CannotRunError(f"--judge {request.judge!r} is not allowed; allowed: {', '.join(JUDGES)}")
+    if request.judge == "campaigns":
+        return request.campaigns
+    if request.campaigns:
+        raise CannotRunError("--judge fuzz takes programs in place of campaigns: without --campaign")
+    from hil.fuzz.judging import write_programs
+
+    folder = (
+        request.coverage or Path(".hil/coverage.jsonl")
+    ).parent / f"fuzz-{request.programs}-{request.seed}"
+    return (str(write_programs(folder, request.programs, request.seed)),)
 
 
 def write_report(seeding: Seeding, directory: Path) -> None:

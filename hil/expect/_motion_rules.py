@@ -193,7 +193,9 @@ def _part_problem(velocity: Signal, position: Signal, entry: float | None) -> tu
         if first == 0:
             # Soon after the begin there is nothing earlier than the begin itself.
             before = max(before, float(speed[0]) if entry is None else entry)
-        if speed[index] > before * 1.02 + rest_speed:
+        # In the sample in which the torque goes it may just have begun to move.
+        slack = rest_speed if index else 4.0 * rest_speed
+        if speed[index] > before * 1.02 + slack:
             text = f"{float(velocity.values[index]):.4g} {velocity.unit} after {before:.4g} {velocity.unit}"
             return float(times[index]), text
     for begin, finish in _stretches(times, speed <= rest_speed):

@@ -23,13 +23,19 @@ UNITS: Final = "units"
 """
 
 
+MACHINE: Final = "other machine"
+"""The part that takes another bench file: its only value is the `name` of a configuration of the bench."""
+
+
 @dataclass(frozen=True)
 class Configuration:
     """What is laid over a bench file.
 
     Args:
         parts: By a name that says what it is about, tables of a bench file; the part `units` has the
-            codes of `length` and `velocity` instead, and tells the same machine to the axis in these units.
+            codes of `length` and `velocity` instead, and tells the same machine to the axis in these units;
+            the part `other machine` has the `name` of a configuration of the bench, which takes the place of
+            the bench file.
 
     """
 
@@ -42,9 +48,27 @@ class Configuration:
         units = self.parts.get(UNITS)
         if units is not None:
             UnitScale.of_codes(*_codes(units))
+        if MACHINE in self.parts:
+            self._machine_name()
 
     def __bool__(self) -> bool:
         return bool(self.parts)
+
+    def _machine_name(self) -> str:
+        from hil.configurations import read_name
+
+        part = self.parts[MACHINE]
+        name = part.get("name")
+        if not isinstance(name, str) or len(part) > 1:
+            raise ConfigurationError(f"configuration.{MACHINE}", dict(part), "the name of a configuration")
+        read_name(name)
+        return name
+
+    def machine(self) -> OwnBenchFile:
+        """Return the bench file of the part `other machine`."""
+        from hil.configurations import Configuration as Machine
+
+        return Machine.of(self._machine_name()).bench_file()
 
     def without(self, name: str) -> Configuration:
         """Return the configuration without one of its parts."""
@@ -71,9 +95,9 @@ class Configuration:
         """
         if not self.parts:
             return bench_file
-        bench_file = bench_file_of(bench_file)
+        bench_file = self.machine() if MACHINE in self.parts else bench_file_of(bench_file)
         for name, part in self.parts.items():
-            if name != UNITS:
+            if name not in (UNITS, MACHINE):
                 bench_file = bench_file.configured(part)
         units = self.parts.get(UNITS)
         return bench_file if units is None else bench_file.configured(_in_units(bench_file, *_codes(units)))

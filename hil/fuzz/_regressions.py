@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 MODULE: Final = "regressions.py"
 """The campaign in a folder of kept programs."""
-_CAMPAIGN: Final = '''"""Programs that a search has once found something with; `hil keep` puts further ones next to this file."""
+CAMPAIGN_TEXT: Final = '''"""Programs that a search has once found something with; `hil keep` puts further ones next to this file."""
 
 from pathlib import Path
 
@@ -123,6 +123,6 @@ def keep_program(token: Token, folder: Path, title: str) -> Path:
     )
     files[name] = f'{{\n{head} "program": {program_text(program, " ")}\n}}\n'
     if not (folder / MODULE).exists():
-        files[MODULE] = _CAMPAIGN
+        files[MODULE] = CAMPAIGN_TEXT
     write_files(folder, files)
     return folder / name

@@ -9,6 +9,7 @@ import functools
 import multiprocessing
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -19,9 +20,10 @@ from hil._interrupt import end_with_parent
 from hil.campaign import load_bench_file
 from hil.campaign._worker import bench_of
 from hil.errors import CannotRunError
-from hil.fuzz._configuration import bench_file_of
+from hil.fuzz._configuration import MACHINE, bench_file_of
 from hil.fuzz._configuration_strategies import configurations
 from hil.fuzz._invariants import Violation, default_invariants
+from hil.fuzz._machines import on_machines
 from hil.fuzz._program import Participant, Program, job_names, participants
 from hil.fuzz._run import FuzzOutcome, InvariantFactory, program_token, run_program
 from hil.fuzz._situations import Situation, configured, situations_of
@@ -30,6 +32,7 @@ from hil.fuzz._strategies import (
     UNCHANGED,
     descendants,
     fault_kinds,
+    identifiers_of,
     preamble_of,
     programs,
     steps,
@@ -37,6 +40,8 @@ from hil.fuzz._strategies import (
 from reports.model import Verdict
 
 if TYPE_CHECKING:
+    from hypothesis.strategies import SearchStrategy
+
     from hil.bench.bench import Bench
     from hil.protocols import BenchFile
 
@@ -87,6 +92,7 @@ class _Round:
     axes: tuple[Participant, ...]
     identifiers: dict[str, int]
     parents: tuple[Program, ...]
+    machines: tuple[str, ...] = ()
 
 
 @dataclass
@@ -117,6 +123,7 @@ def search(
     longest: int = 12,
     configurations: bool = False,
     axes: int = 1,
+    machines: Sequence[str] = (),
     bench: str = "",
     invariants: InvariantFactory = default_invariants,
     jobs: int = 1,
@@ -139,6 +146,8 @@ def search(
         configurations: Whether the programs change the bench file as well.
         axes: Number of axes that the programs give instructions to, the first ones of the bench; more than
             one of them may follow each other.
+        machines: Names of configurations of the bench; half of the programs run on one of them instead, with
+            up to three axes.
         bench: Reference of the bench, for the token and for other processes.
         invariants: Makes the invariants for a bench; with `jobs` > 1 a function
             that other processes can import.
@@ -169,8 +178,9 @@ def search(
             tuple(fault_kinds(sample)),
             job_names(sample.axis()),
             participants(sample, axes) if axes != 1 else (),
-            _identifiers(sample),
+            identifiers_of(sample),
             (),
+            tuple(machines),
         )
     running.begin_with(parents)
     with _pool(jobs) as pool:
@@ -314,7 +324,7 @@ def _do(
     """Try the programs of a round; the first that breaks an invariant is shrunk, and ends it."""
     import hypothesis
     from hypothesis import strategies as st
-    from hypothesis.errors import FlakyFailure
+    from hypothesis.errors import FlakyFailure, HypothesisWarning
 
     from hil.fuzz._provider import BACKEND
 
@@ -328,6 +338,8 @@ def _do(
         longest=order.longest,
         configurations=changes,
     )
+    if order.machines:
+        strategy = st.one_of(_whole(strategy), _whole(on_machines(order.machines, order.longest)))
     if order.parents:
         step = steps(order.kinds, order.identifiers, order.jobs, order.axes)
         longest = order.longest + len(preamble_of(order.axes) if order.axes else PREAMBLE)
@@ -349,9 +361,18 @@ def _do(
     )
 
     run: Any = settings(hypothesis.given(strategy)(attempt.one))
-    with contextlib.suppress(_FoundError, FlakyFailure):
+    with warnings.catch_warnings(), contextlib.suppress(_FoundError, FlakyFailure):
+        # It finds the text of a strategy for many machines long, which nobody reads.
+        warnings.simplefilter("ignore", HypothesisWarning)
         hypothesis.seed(order.seed)(run)()
     return attempt.finish()
+
+
+def _whole(strategy: SearchStrategy[Program]) -> SearchStrategy[Program]:
+    """Return a strategy that counts as one choice in `one_of`, whatever it chooses from itself."""
+    from hypothesis import strategies as st
+
+    return st.tuples(strategy).map(lambda drawn: drawn[0])
 
 
 class _Attempt:
@@ -409,6 +430,8 @@ class _Attempt:
             return found
         program = found.failing[0]
         for name in program.configuration.parts:
+            if name == MACHINE:
+                continue  # its steps name the axes of this machine
             program = self._shorter(program, Program(program.steps, program.configuration.without(name)))
         for place in reversed(range(len(program.steps))):
             steps = (*program.steps[:place], *program.steps[place + 1 :])
@@ -446,14 +469,6 @@ def _tell(
         failure.result.message = f"{violation}; not so when it was run again"
     report.token = program_token(program, seed=report.seed, bench=bench, bench_digest=bench_file.digest)
     failure.result.token = report.token
-
-
-def _identifiers(bench: Bench) -> dict[str, int]:
-    """Return the identifiers of the drive's frames; none where it is not on CAN."""
-    name = bench.drive().name
-    from hil.bench.modbus_links import ModbusSegment
-
-    return {} if isinstance(bench.segment(), ModbusSegment) else bench.cob_ids(name)
 
 
 def _weight(program: Program) -> tuple[int, int]:

@@ -267,6 +267,14 @@ def fault_kinds(bench: Bench) -> list[str]:
     ]
 
 
+def identifiers_of(bench: Bench) -> dict[str, int]:
+    """Return the identifiers of the drive's frames; none where it is not on CAN."""
+    name = bench.drive().name
+    from hil.bench.modbus_links import ModbusSegment
+
+    return {} if isinstance(bench.segment(), ModbusSegment) else bench.cob_ids(name)
+
+
 def _same(step: Step) -> Step:
     return step
 

@@ -33,7 +33,7 @@ def _way_of_velocity(drive: DriveView) -> Judged | None:
     around = change.copy()
     around[1:] = np.maximum(around[1:], change[:-1])
     around[:-1] = np.maximum(around[:-1], change[1:])
-    bound = cycle_s * (0.75 * around + 0.001 * np.abs(v) + 5e-4) + 1e-9 + 1e-12 * np.abs(p)
+    bound = cycle_s * (0.75 * around + 0.001 * np.abs(v) + 2e-3) + 1e-9 + 1e-12 * np.abs(p)
     steps, lead_m = drive.number("increments_per_revolution"), drive.number("lead_m")
     if steps and lead_m and not drive.has("velocity_demand"):
         bound += 1.1 * lead_m / abs(drive.number("gear_ratio") or 1.0) / steps

@@ -27,6 +27,15 @@ def _own_setpoints(axis: AxisView) -> np.ndarray:
     return own & ~axis.near(starts, 1, 2 * axis.ratio - 1) & ~axis.gaps
 
 
+def _widest(values: Numbers, steps: int) -> Numbers:
+    """Return the greatest value within so many samples less one on either side."""
+    result = values.copy()
+    for step in range(1, steps):
+        result[step:] = np.maximum(result[step:], values[:-step])
+        result[:-step] = np.maximum(result[:-step], values[step:])
+    return result
+
+
 def _setpoint_position(axis: AxisView) -> Judged | None:
     columns = ("position_setpoint", "velocity_setpoint", "acceleration_setpoint", "status_word", "state")
     if not axis.has_position or not axis.has(*columns) or len(axis.time_s) < 3:
@@ -45,6 +54,8 @@ def _setpoint_position(axis: AxisView) -> Judged | None:
     change = np.abs(np.diff(a))
     inside = np.abs(np.diff(v) - 0.5 * (a[1:] + a[:-1]) * cycle_s)
     bound[1:] = change * cycle_s**2 / 8.0 + 0.6 * inside * cycle_s
+    if axis.ratio > 1:
+        bound = _widest(bound, axis.ratio) * axis.ratio**2
     bound += _ROUNDING * (1.0 + np.abs(s))
     off = np.abs(moved - way)
     unit, speed = axis.unit("position_setpoint"), axis.unit("velocity_setpoint")
@@ -80,12 +91,11 @@ def _setpoint_velocity(axis: AxisView) -> Judged | None:
     judged[:-1] &= own[1:]
     judged[-1] = False
     low, high = np.minimum(a[1:], a[:-1]) * cycle_s, np.maximum(a[1:], a[:-1]) * cycle_s
-    for step in range(1, 2 * axis.ratio - 1):
-        # Between the cycles of the interpolator the acceleration stands.
-        low[step:] = np.minimum(low[step:], low[:-step])
-        high[step:] = np.maximum(high[step:], high[:-step])
-        low[:-step] = np.minimum(low[:-step], low[step:])
-        high[:-step] = np.maximum(high[:-step], high[step:])
+    if axis.ratio > 1:
+        # Between the cycles of the interpolator the acceleration stands, and the setpoints lie on a curve.
+        low, high = -_widest(-low, 2 * axis.ratio - 1), _widest(high, 2 * axis.ratio - 1)
+        slack_of_curve = 0.25 * np.maximum(np.abs(low), np.abs(high))
+        low, high = low - slack_of_curve, high + slack_of_curve
     gained = np.diff(v)
     # A ramp that begins and ends within two cycles shows in the neighbours.
     calm = np.abs(np.diff(a, prepend=a[0])) * cycle_s
