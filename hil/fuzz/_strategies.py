@@ -199,6 +199,7 @@ def _extras(kind: str) -> SearchStrategy[dict[str, Scalar]]:
         "controller.overrun": st.fixed_dictionaries(
             {"level": st.sampled_from(["servo", "interpolator"]), "time_ms": _grid(1, 20, 0.5)}
         ),
+        "cam.overwrite": st.fixed_dictionaries({"shift": _grid(-10, 10, 5.0)}),
         "axis.alarm": st.sampled_from(_ALARMS).map(lambda pair: {"number": pair[0], "reaction": pair[1]}),
     }
     return known.get(kind, st.just({}))
@@ -259,6 +260,7 @@ def fault_kinds(bench: Bench) -> list[str]:
         for entry in CATALOGUE
         if not entry.injectable(where)
         and (entry.target != "axis" or has_alarms)
+        and (entry.target != "cam" or bool(getattr(bench, "cam_names", False)))
         and entry.fuzzed
         and (entry.effect.needs is None or not missing(drive, entry.effect.needs))
         and (entry.target != "segment" or entry.name.startswith("modbus.") == on_modbus)
