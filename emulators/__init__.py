@@ -3,3 +3,5 @@
 A device is a composition: mechanics, motor and servo core, encoder, profile face, transport. Nothing here
 knows the controller (`motion`); the two sides meet on the wire.
 """
+
+import fieldbus  # noqa: F401 - puts the compiled core in place, if there is one

@@ -2,3 +2,7 @@
 
 This package knows neither drives nor axes; `emulators` and `motion` stand on it and meet only here.
 """
+
+from fieldbus import core_build
+
+core_build.install()

@@ -130,7 +130,9 @@ def _show_version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
 
-        print(f"motion-hil {version('motion-hil')}")
+        from fieldbus import core_build
+
+        print(f"motion-hil {version('motion-hil')}, {core_build.described()}")
         raise typer.Exit
 
 
@@ -772,6 +774,9 @@ def mutants(
     as_json: JsonOption = False,
 ) -> None:
     """Switch on defects one at a time and show which case notices each."""
+    from fieldbus import core_build
+
+    core_build.restart_pure()
     from hil._commands.durations import parse_duration
     from hil._commands.mutants import MutantsRequest, seed_defects
     from hil._commands.run import parse_jobs

@@ -17,6 +17,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+import fieldbus  # noqa: F401 - puts the compiled core in place, if there is one
+
 if TYPE_CHECKING:
     from motion.drives.encoder import EncoderPort
     from motion.drives.port import DrivePort

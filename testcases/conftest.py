@@ -9,6 +9,8 @@ Environment variables:
         `nightly` (many new examples).
     HIL_VCAN, HIL_VCAN_2: Names of the SocketCAN interfaces for tests with the mark `vcan`; default
         vcan0, vcan1.
+    HIL_CORE: `pure` (default here) or `compiled`: what the tests run (`fieldbus.core_build`). Tests replace
+        methods and look at code, so that they are for ordinary Python; `tox -e compiled` runs some of them.
     HIL_NO_SKIPS: Not empty: a skipped test counts as failed. For places where everything is known to be
         installed.
 """
@@ -22,6 +24,8 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+os.environ.setdefault("HIL_CORE", "pure")  # before anything of the product is imported
 
 import hil
 from hil.fuzz._provider import BACKEND

@@ -2,6 +2,7 @@
 
     python -m testcases.digests record FILE [--part I/N]     run all shipped cases, write their digests
     python -m testcases.digests compare FILE [--part I/N]    run them again, name every case that differs
+    python -m testcases.digests cores [--part I/N]           run them pure and compiled, name every case that differs
 
 A digest covers signals, bus log and event log of a case, so equal digests mean equal behaviour to the bit. With
 `--part 1/20` every twentieth case is run, which takes seconds instead of minutes; a file recorded in full
@@ -13,6 +14,7 @@ from __future__ import annotations
 import argparse
 import csv
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -71,10 +73,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("action", choices=("record", "compare"))
-    parser.add_argument("file", type=Path)
+    parser.add_argument("action", choices=("record", "compare", "cores"))
+    parser.add_argument("file", type=Path, nargs="?")
     parser.add_argument("--part", default="", help="I/N: run only the I-th of N parts")
     arguments = parser.parse_args()
+    if arguments.action == "cores":
+        return compare_cores(arguments.part)
+    if arguments.file is None:
+        parser.error("FILE is missing")
     now = all_digests(arguments.part)
     if arguments.action == "record":
         arguments.file.write_text(json.dumps(now, indent=0, sort_keys=True), encoding="utf-8")
@@ -82,10 +88,25 @@ def main() -> int:
         return 0
     before: dict[str, str] = json.loads(arguments.file.read_text("utf-8"))
     wanted = before if not arguments.part else {name: before[name] for name in now if name in before}
-    differing = [name for name in wanted.keys() | now.keys() if wanted.get(name) != now.get(name)]
+    return tell(wanted, now, ("before", "now"))
+
+
+def compare_cores(part: str) -> int:
+    """Run pure, then compiled with another hash seed; return the exit code."""
+    found = []
+    for core, hash_seed in (("pure", "1"), ("compiled", "2")):
+        os.environ.update(HIL_CORE=core, PYTHONHASHSEED=hash_seed)
+        found.append(all_digests(part))
+    return tell(found[0], found[1], ("pure", "compiled"))
+
+
+def tell(one: dict[str, str], other: dict[str, str], names: tuple[str, str]) -> int:
+    """Print which cases differ and return the exit code."""
+    differing = [name for name in one.keys() | other.keys() if one.get(name) != other.get(name)]
     for name in sorted(differing)[:40]:
-        print(f"{name}: before {wanted.get(name, 'not there')[:24]}, now {now.get(name, 'not there')[:24]}")
-    print(f"{len(now)} cases, {len(differing)} differ")
+        first, second = (digests.get(name, "not there")[:24] for digests in (one, other))
+        print(f"{name}: {names[0]} {first}, {names[1]} {second}")
+    print(f"{len(other)} cases, {len(differing)} differ")
     return 1 if differing else 0
 
 

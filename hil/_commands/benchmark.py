@@ -1,4 +1,4 @@
-"""`hil benchmark`: simulated seconds per wall second, fault cases per minute, and
+"""`hil benchmark`: simulated seconds per second of processor time, fault cases per minute, and
 parts against other libraries.
 """
 
@@ -8,11 +8,13 @@ import gc
 import time
 from typing import TYPE_CHECKING
 
+from fieldbus import core_build
 from hil._commands._axis_measurement import axis_cycles, follower_cycles
 from hil._commands._measurements import (
     Figure,
     can_frames,
     can_ports,
+    cost_per_axis,
     geared_speed,
     position_plans,
     sdo_uploads,
@@ -64,7 +66,7 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
     from hil.bench.makes import with_nc_axes
 
     figures: list[Figure] = []
-    with quiet_stdout(as_json), CaseProgress(14, "benchmark") as progress:
+    with quiet_stdout(as_json), CaseProgress(15, "benchmark") as progress:
         fast, reference = load_bench("fast").config, load_bench("reference")
         nc = with_nc_axes(reference, "reference")
         benches = [
@@ -81,9 +83,11 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
             progress.step(number, name)
             gc.collect()
             factor, load = speed(config, seconds)
-            figures.append(Figure(name, factor, "simulated s / wall s"))
+            figures.append(Figure(name, factor, "simulated s / s"))
         figures.append(Figure("bus_load_4axes_cia402_2ms", load, "%"))
-        progress.step(8, "fault cases")
+        progress.step(8, "cost of an axis")
+        figures.extend(cost_per_axis(reference.config, seconds))
+        progress.step(9, "fault cases")
         figures.append(Figure("fault_cases_per_minute", _cases_per_minute(reference), "cases/min"))
         for number, (name, compare) in enumerate(
             (
@@ -94,13 +98,16 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
                 ("position plans", position_plans),
                 ("Modbus requests", modbus_requests),
             ),
-            9,
+            10,
         ):
             progress.step(number, name)
             figures.extend(compare())
         figures.extend(follower_cycles())
         factor = geared_speed(load_bench("line_shaft").config, seconds)
         figures.append(Figure("sim_factor_9axes_geared_4ms", factor, "simulated s / wall s"))
+    if core_build.kind() == core_build.COMPILED:
+        # The same figures of both builds stand side by side in one table.
+        figures = [figure._replace(name=f"{figure.name}_compiled") for figure in figures]
     if as_json:
         print_json([{"name": f.name, "value": round(f.value, 2), "unit": f.unit} for f in figures])
     else:

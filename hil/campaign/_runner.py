@@ -14,6 +14,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Final
 
+from fieldbus import core_build
 from hil._workers import number_of_processes
 from hil.bench.makes import NC_BENCH
 from hil.campaign._case import Case
@@ -82,6 +83,7 @@ def environment_facts() -> dict[str, str]:
         "python": platform.python_version(),
         "platform": platform.platform(),
         "machine": platform.machine(),
+        "core": core_build.kind(),
     }
     for package in ("motion-hil", "numpy", "canopen", "python-can", "pytest", "hypothesis", "pydantic"):
         try:

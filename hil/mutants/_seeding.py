@@ -9,6 +9,7 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
+from fieldbus import core_build
 from hil._workers import CopyStarter, Pool, number_of_processes
 from hil.errors import CannotRunError
 from hil.mutants._coverage import Coverage, Covered, modules_in, scope_of
@@ -230,6 +231,8 @@ class Seeder:
     ) -> None:
         if not mutants or not judges:
             raise CannotRunError("nothing to do: there are no defects, or no cases to judge them")
+        if core_build.kind() == core_build.COMPILED:
+            raise CannotRunError(f"defects are seeded into ordinary Python: set {core_build.VARIABLE}=pure")
         self._mutants = list(mutants)
         self._judges = list(judges)
         self._options = options

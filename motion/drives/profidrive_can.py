@@ -123,7 +123,7 @@ class ProfidriveCanPort(ProfidrivePort):
         self._to_words = (Struct(f">{out.words}H"), Struct(f"<{out.words}H"))
         size = 2 * WORDS_PER_PDO
         self._rpdos = tuple(
-            (FrameMaker(0x200 + 0x100 * number + self.node_id).make, slice(at, min(at + size, out.length)))
+            (FrameMaker(0x200 + 0x100 * number + self.node_id).make, at, min(at + size, out.length))
             for number, at in enumerate(range(0, out.length, size))
         )
 
@@ -211,7 +211,7 @@ class ProfidriveCanPort(ProfidrivePort):
         else:  # of a wrong length, as a test wants it
             count = len(frame) // 2
             data = Struct(f"<{count}H").pack(*Struct(f">{count}H").unpack(frame[: 2 * count]))
-        self._master.send_all([make(data[part]) for make, part in self._rpdos])
+        self._master.send_all([make(data[begin:end]) for make, begin, end in self._rpdos])
 
     def release(self) -> None:
         """Disable the drive with a last telegram, which acts at the next SYNC."""

@@ -208,7 +208,7 @@ class VariableStore:
         """
         return self._stored(path).cell
 
-    def read(self, path: str) -> float:
+    def read(self, path: str) -> int | float:
         """Return the value of a variable or bit as a user program reads it.
 
         An assigned DIR value is read back at once, before it takes effect (VAR-002).

@@ -18,7 +18,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import count
-from typing import TYPE_CHECKING, ClassVar, Final, Protocol
+from typing import TYPE_CHECKING, ClassVar, Final, Protocol, TypeVar
 
 from motion.kernel.mechanics import INCREMENTAL
 from motion.kernel.modulo import NO_MODULO
@@ -54,7 +54,8 @@ ACTUAL: Final = "actual"
 DELAYED: Final = "delayed"
 """Types of coupling: the setpoint, the extrapolated actual value, the delayed setpoint (SYN-020)."""
 
-Live = dict[str, Callable[[], float]]
+V = TypeVar("V")
+Live = dict[str, Callable[[], int | float]]
 """Readers of the variables that the runtime does not keep in the store, by path."""
 
 
@@ -65,7 +66,7 @@ def frozen(live: Live) -> Live:
     return {path: partial(_kept, reader()) for path, reader in live.items()}
 
 
-def _kept(value: float) -> float:
+def _kept(value: V) -> V:
     return value
 
 
@@ -455,7 +456,7 @@ class TechnologyObject(ABC):
 
     # -- variables under their original paths
 
-    def var(self, path: str) -> float:
+    def var(self, path: str) -> int | float:
         """Return a variable of the technology data block by its original path; bits as `StatusWord.X7`.
 
         Raises:
@@ -474,7 +475,7 @@ class TechnologyObject(ABC):
             return bool(int(self._live[head]()) >> number & 1)
         return self.variables.read(path)
 
-    def write(self, path: str, value: float) -> None:
+    def write(self, path: str, value: object) -> None:
         """Assign a variable like the user program does; the access class decides
         when it acts (VAR-001 to VAR-015).
         """

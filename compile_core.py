@@ -1,0 +1,283 @@
+"""Compile the modules of the cyclic path with mypyc into a package of extension modules.
+
+    python compile_core.py FOLDER [--optimise N] [--jobs N] [--work FOLDER]
+
+`FOLDER/motion_hil_core` gets what `fieldbus.core_build` looks for. `./run compile` calls this for .venv, and
+the build of a wheel with `HIL_COMPILE=1` does (`hatch_build.py`). The sources stay ordinary Python, which
+always runs as it is; `core.toml` says what is compiled. Needs mypy, setuptools and a C compiler. C files and
+object files are kept in the working folder, so that a change within functions compiles a few of them again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import time
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent
+PACKAGE = "motion_hil_core"
+PACKAGES = ("fieldbus", "emulators", "motion")
+"""Packages whose classes make a closed group with those that are compiled."""
+
+
+class CoreError(Exception):
+    """What `core.toml` says cannot be compiled; the message says why."""
+
+
+# ---------------------------------------------------------------------------------------- what is compiled
+
+
+def settings() -> dict[str, Any]:
+    """Return the content of `core.toml`."""
+    return tomllib.loads((ROOT / "core.toml").read_text(encoding="utf-8"))
+
+
+class Classes:
+    """Who inherits from whom in the product, by module; read from the sources, nothing is imported."""
+
+    def __init__(self) -> None:
+        self.files = {
+            _module_of(path): path for name in PACKAGES for path in sorted((ROOT / name).rglob("*.py"))
+        }
+        trees = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in self.files.items()}
+        self._classes = {
+            name: {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
+            for name, tree in trees.items()
+        }
+        self._imports = {name: dict(_imports(tree)) for name, tree in trees.items()}
+        self.bases: dict[str, dict[str, str]] = {name: {} for name in self.files}
+        """Module -> module of a base -> `Class(Base)`, the first of each."""
+        self.heirs: dict[str, dict[str, str]] = {name: {} for name in self.files}
+        """Module -> module of an heir -> `Class(Base)`."""
+        for name, classes in self._classes.items():
+            for one in classes.values():
+                self._note(name, one)
+
+    def _note(self, name: str, node: ast.ClassDef) -> None:
+        for base in node.bases:
+            plain = base.value if isinstance(base, ast.Subscript) else base
+            if not isinstance(plain, ast.Name):
+                continue
+            home = self._home(name, plain.id)
+            if home is not None and home != name:
+                self.bases[name].setdefault(home, f"{node.name}({plain.id})")
+                self.heirs[home].setdefault(name, f"{node.name}({plain.id})")
+
+    def _home(self, module: str, name: str) -> str | None:
+        """Return the module that defines a class which `module` knows by a name."""
+        for _ in range(9):  # through packages that export it again
+            if name in self._classes.get(module, {}):
+                return module
+            if name not in self._imports.get(module, {}):
+                return None
+            module, name = self._imports[module][name]
+        return None
+
+
+def _module_of(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def _imports(tree: ast.Module) -> Iterator[tuple[str, tuple[str, str]]]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            for one in node.names:
+                yield one.asname or one.name, (node.module, one.name)
+
+
+def compiled_modules() -> list[str]:
+    """Return the names of the modules that are compiled.
+
+    They are those of `core.toml`, and all whose classes inherit from theirs or the other way round, because a
+    compiled class and an ordinary one do not fit into one family.
+
+    Raises:
+        CoreError: A module does not exist, is said to be ordinary as well, or has an heir that has to stay
+            ordinary.
+
+    """
+    content = settings()
+    ordinary: Mapping[str, str] = content["ordinary"]
+    classes = Classes()
+    outside = [name for name in content["modules"] if name.split(".")[0] not in PACKAGES]
+    for name in (*content["modules"], *ordinary):
+        if name not in classes.files and not (ROOT / _file_of(name)).is_file():
+            raise CoreError(f"core.toml: there is no module {name}")
+    found: set[str] = set(content["modules"]) - set(outside)
+    both = sorted(found & set(ordinary))
+    if both:
+        raise CoreError(f"core.toml: {', '.join(both)}: both compiled and ordinary")
+    waiting = sorted(found)
+    while waiting:
+        name = waiting.pop()
+        for other in (*classes.bases[name], *classes.heirs[name]):
+            if other not in found and other not in ordinary:
+                found.add(other)
+                waiting.append(other)
+    for name in sorted(found):
+        for heir, how in classes.heirs[name].items():
+            if heir not in found:
+                raise CoreError(f"core.toml: {heir} is ordinary, and its {how} inherits from compiled {name}")
+    return sorted([*found, *outside])
+
+
+def _file_of(name: str) -> str:
+    return name.replace(".", "/") + ".py"
+
+
+# -------------------------------------------------------------------------------------------- compiling
+
+
+def compile_core(target: Path, work: Path, *, optimise: str, jobs: int, shipped: bool = False) -> list[str]:
+    """Compile, put the package into `target`, and return the names of the modules.
+
+    Args:
+        target: Gets the folder `motion_hil_core`.
+        work: For C files and object files.
+        optimise: Level of the C compiler, 0..3.
+        jobs: C files that are compiled at the same time.
+        shipped: The sources come with it and do not change, as in a wheel: they are not compared.
+
+    Raises:
+        CoreError: It is not possible.
+
+    """
+    try:
+        from mypyc.build import mypycify
+    except ImportError as error:
+        raise CoreError(f"mypy and setuptools are needed: {error}") from None
+    modules = compiled_modules()
+    before = _sources()
+    work.mkdir(parents=True, exist_ok=True)
+    os.chdir(ROOT)  # names of modules come from paths
+    extensions = mypycify(
+        ["--config-file", str(ROOT / "pyproject.toml"), "--follow-imports=silent", *map(_file_of, modules)],
+        opt_level=optimise,
+        debug_level="0",
+        multi_file=True,
+        target_dir=str(work),
+        group_name=PACKAGE,
+    )
+    folder = work / PACKAGE  # in place of the present one when it is whole
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    (folder / "__init__.py").write_text('"""The compiled core of motion-hil."""\n', encoding="utf-8")
+    build = _Build(folder, work, jobs)
+    for extension in extensions:
+        build.extension(extension)
+    manifest = {
+        "modules": [one.name for one in extensions],
+        "sources": {} if shipped else before,
+        "python": _suffix(),
+    }
+    (folder / "manifest.json").write_text(json.dumps(manifest, indent=1), encoding="utf-8")
+    shutil.rmtree(target / PACKAGE, ignore_errors=True)
+    shutil.copytree(folder, target / PACKAGE)
+    return modules
+
+
+def _suffix() -> str:
+    return str(sysconfig.get_config_var("EXT_SUFFIX"))
+
+
+def _sources() -> dict[str, tuple[int, str]]:
+    """Return time and digest of every source that a compiled module may have taken a constant from."""
+    paths = [path for name in PACKAGES for path in sorted((ROOT / name).rglob("*.py"))]
+    paths += [ROOT / _file_of(name) for name in settings()["modules"] if name.split(".")[0] not in PACKAGES]
+    return {
+        path.relative_to(ROOT).as_posix(): (
+            path.stat().st_mtime_ns,
+            hashlib.sha256(path.read_bytes()).hexdigest(),
+        )
+        for path in paths
+    }
+
+
+class _Build:
+    """Compiles and links; an object file that was made from the same text is taken again."""
+
+    def __init__(self, folder: Path, work: Path, jobs: int) -> None:
+        self._folder = folder
+        self._objects = work / "objects"
+        self._objects.mkdir(exist_ok=True)
+        self._compiler = str(sysconfig.get_config_var("CC") or "cc").split()
+        self._headers = hashlib.sha256(
+            b"".join(path.read_bytes() for path in sorted(work.glob("*.h")))
+        ).hexdigest()
+        self._jobs = jobs
+
+    def extension(self, extension: Any) -> None:
+        """Make one extension module."""
+        flags = [flag for flag in extension.extra_compile_args if flag]
+        includes = [
+            f"-I{sysconfig.get_paths()['include']}",
+            *(f"-I{path}" for path in extension.include_dirs),
+        ]
+        with ThreadPoolExecutor(self._jobs) as pool:
+            objects = list(
+                pool.map(lambda source: self._object(source, [*flags, *includes]), extension.sources)
+            )
+        file = self._folder / f"{extension.name.replace('.', '/')}{_suffix()}"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        self._run([*self._compiler, "-shared", "-s", "-o", str(file), *objects])
+
+    def _object(self, source: str, flags: Sequence[str]) -> str:
+        text = Path(source).read_bytes()
+        key = hashlib.sha256(text + self._headers.encode() + " ".join(flags).encode()).hexdigest()[:24]
+        file = self._objects / f"{key}.o"
+        if not file.exists():
+            partial = file.with_suffix(".part")
+            self._run([*self._compiler, "-fPIC", "-c", *flags, "-o", str(partial), source])
+            partial.rename(file)
+        return str(file)
+
+    @staticmethod
+    def _run(command: list[str]) -> None:
+        done = subprocess.run(command, check=False, capture_output=True, text=True)
+        if done.returncode:
+            raise CoreError(f"{' '.join(command)}\n{done.stdout}{done.stderr}")
+
+
+def main() -> int:
+    """Run the command line and return the exit code."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--optimise", default=settings()["optimise"], help="level of the C compiler, 0..3")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="C files at the same time")
+    parser.add_argument("--work", type=Path, default=ROOT / ".cache" / "core", help="folder for C files")
+    arguments = parser.parse_args()
+    started = time.monotonic()
+    try:
+        modules = compile_core(
+            arguments.folder.resolve(),
+            arguments.work.resolve(),
+            optimise=str(arguments.optimise),
+            jobs=arguments.jobs,
+        )
+    except CoreError as error:
+        print(f"compile_core: {error}", file=sys.stderr)
+        return 1
+    used = os.times()
+    print(
+        f"compiled {len(modules)} modules in {time.monotonic() - started:.0f} s, "
+        f"{used.user + used.children_user:.0f} s of processor time"
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
