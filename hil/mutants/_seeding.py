@@ -352,7 +352,7 @@ class Seeder:
                     seeding.red.append(outcome)
                 else:
                     self._coverage.keep(outcome.judge, seed, self._scope, found)
-                if self._on_baseline is not None:
+                if share and self._on_baseline is not None:
                     self._on_baseline(outcome, len(seeding.baseline), total)
 
     def _in_time(self, tasks: Sequence[Task], share: float) -> Iterator[Finished]:
