@@ -338,15 +338,29 @@ def _unfounded_events(drive: DriveView) -> Judged | None:
     if drive.axis is not None and drive.axis.simulated.any():
         return None  # nobody leads the drive
     found = []
+    taken_s = _taken_over_s(drive)
     for entry in drive.whole.events.of(drive.name, *_EVENTS):
         if entry.kind == "drive.out_of_step" and not entry.data.get("lost"):
             continue
         when = entry.time_ns * 1e-9
         detail = entry.data.get("text") or entry.data.get("reason") or ""
         found.append(
-            (when, f"{entry.kind} {detail} without a fault".replace("  ", " ") if when < begin_s else "")
+            (
+                when,
+                f"{entry.kind} {detail} without a fault".replace("  ", " ")
+                if taken_s <= when < begin_s
+                else "",
+            )
         )
     return Judged.of_list(sorted(found)) if found else None
+
+
+def _taken_over_s(drive: DriveView) -> float:
+    """Return from when on a drive is led, s: one of a vendor may take its commissioning for a fault."""
+    if drive.number("standard_mapping") != 0.0:
+        return 0.0
+    booted = drive.whole.events.all("node.booted")
+    return min((one.time_ns * 1e-9 for one in booted if one.data.get("name") == drive.name), default=0.0)
 
 
 UNFOUNDED_EVENTS: Final = Rule(

@@ -140,6 +140,7 @@ def test_a_drive_without_6007h_that_starts_itself_is_taken_into_service(tmp_path
     with built(bench_of(tmp_path, drive_eds(without=(0x6007,), more=more))) as bench:
         assert [event.kind for event in bench.trace().events if event.kind == "drive.fault"]
         assert moved(bench) == pytest.approx(1.0, abs=0.003)
+        assert all(check.verdict is Verdict.PASSED for check in run_checkers(bench.trace()))
 
 
 def test_a_drive_that_cannot_be_used_is_named(tmp_path):
