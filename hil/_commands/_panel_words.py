@@ -1,17 +1,22 @@
-"""Lines of a panel: a command and its numbers."""
+"""Lines of a panel: a command and its values."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Final
 
 from fieldbus.errors import ConfigurationError
 
 Commands = Mapping[str, tuple[str, str, Callable[..., object]]]
-"""Name -> names of its numbers (optional ones in brackets), what it does in words, what does it."""
+"""Name -> names of its values (optional ones in brackets), what it does in words, what does it."""
 
 
-def parse(text: str, commands: Commands) -> tuple[str, list[float]] | None:
-    """Return the command of a line and its numbers; None: the line is empty or a comment.
+NAMES: Final = ("NAME", "LEADER", "CAM")
+"""Values that are names; all others are numbers."""
+
+
+def parse(text: str, commands: Commands) -> tuple[str, list[str | float]] | None:
+    """Return the command of a line and its values; None: the line is empty or a comment.
 
     Raises:
         ConfigurationError: There is no such command, or its values are no numbers, too few or too many.
@@ -29,7 +34,10 @@ def parse(text: str, commands: Commands) -> tuple[str, list[float]] | None:
     if not least <= len(values) <= most:
         raise ConfigurationError(f"values of {name}", " ".join(values), usage or "none")
     try:
-        return name, [float(value) for value in values]
+        return name, [
+            value if kind in NAMES else float(value)
+            for kind, value in zip(usage.split(), values, strict=False)
+        ]
     except ValueError as error:
         raise ConfigurationError(f"values of {name}", " ".join(values), f"numbers: {usage}") from error
 

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TextIO
+from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from fieldbus.clock import RealtimeScheduler
 from fieldbus.errors import ConfigurationError, HilError
@@ -19,11 +19,20 @@ from hil.campaign import load_bench_file
 from motion.s7.alarms import error_text
 from motion.s7.axis.jobs import ERROR_ALARM
 from motion.s7.commissioning import Optimisation, TestStep, precautions
-from motion.s7.instructions import MC_MoveJog
+from motion.s7.instructions import (
+    MC_CamIn,
+    MC_CamOut,
+    MC_GearIn,
+    MC_GearOut,
+    MC_MoveJog,
+    MC_OffsetRelative,
+    MC_PhasingRelative,
+)
 from reports.html.tuning import write_tuning
 
 if TYPE_CHECKING:
     from hil.bench.bench import Bench
+    from motion.s7.commissioning import ControlPanel
 
 _TICK_S: Final = 0.05
 """How often a panel on a terminal lets time pass."""
@@ -60,15 +69,28 @@ class PanelSession:
         self, bench: Bench, axis: str, *, monitoring_s: float, plot: Path, write: Callable[[str], object]
     ) -> None:
         self._bench = bench
-        self._axis = bench.axis(axis or None)
         self._plot = plot
         self._write = write
-        self.panel = self._axis.control_panel(monitoring_s=monitoring_s)
+        self._monitoring_s = monitoring_s
+        self._panels: dict[str, ControlPanel] = {}
+        """Of every axis that has been chosen."""
         self.ended = False
         self._seen: object = None
         self._read: object = None
         """Job whose error has been read."""
-        panel = self.panel
+        self._choose(axis)
+
+    def _choose(self, name: str) -> None:
+        """Let commands go to another axis; the one before keeps what it does.
+
+        Raises:
+            ConfigurationError: There is no such axis.
+
+        """
+        self._axis = self._bench.axis(name or None)
+        if self._axis.name not in self._panels:
+            self._panels[self._axis.name] = self._axis.control_panel(monitoring_s=self._monitoring_s)
+        self.panel = panel = self._panels[self._axis.name]
         length, speed, ramp = (self.unit(name) for name in ("Length", "Velocity", "Acceleration"))
         self.commands: dict[str, tuple[str, str, Callable[..., object]]] = {
             "take": ("", "take the axis from the user program", self._take),
@@ -89,11 +111,73 @@ class PanelSession:
             "set": ("P", f"make this the actual position, {length}", panel.set_position),
             "adjust-encoder": ("P", f"adjust the absolute encoder to this, {length}", panel.adjust_encoder),
             "stop": ("", "stop with the greatest deceleration", panel.stop),
+            **self._following(),
             "optimise": ("D V A [TOL]", "optimise the position controller with a test step", self._optimise),
             "status": ("", "the pages of the axis", lambda: self._write(self._axis.diagnosis().text())),
             "wait": ("S", "let seconds pass", self._wait),
             "help": ("", "this list", self._help),
             "quit": ("", "give the axis back and end", self._quit),
+        }
+
+    def _following(self) -> dict[str, tuple[str, str, Callable[..., object]]]:
+        """Return the commands for several axes: to another one, and of an axis that follows others."""
+        several = len(self._bench.axis_names) > 1
+        commands: dict[str, tuple[str, str, Callable[..., object]]] = {}
+        if several:
+            text = f"commands to another axis: {', '.join(self._bench.axis_names)}"
+            commands["axis"] = ("NAME", text, self._choose)
+        leaders = [one.name for one in self._axis.object.leading_objects]
+        if not leaders:
+            return commands
+        axis, follow = self._axis.object, self.panel.follow
+        length = self.unit("Length")
+
+        def leader(name: str) -> Any:
+            if name not in leaders:
+                raise ConfigurationError("leading object", name, f"one of {', '.join(leaders)}")
+            bench = self._bench
+            return (bench.axis(name) if name in bench.axis_names else bench.external_encoder(name)).object
+
+        def gear(name: str, numerator: float = 1.0, denominator: float = 1.0) -> None:
+            ratio: dict[str, Any] = {
+                "RatioNumerator": round(numerator),
+                "RatioDenominator": round(denominator),
+            }
+            follow(MC_GearIn(axis, Master=leader(name), Execute=True, **ratio))
+
+        def cam(name: str, of: str) -> None:
+            known = self._bench.cam_names
+            if of not in known:
+                raise ConfigurationError("cam", of, f"one of {', '.join(known) or 'none'}")
+            handle = self._bench.cam(of)
+            if handle.curve is None:
+                handle.interpolate()
+                self.let_pass()
+            how: dict[str, Any] = {"ApplicationMode": 1, "SyncProfileReference": 2}
+            follow(MC_CamIn(axis, Master=leader(name), Cam=handle.object, Execute=True, **how))
+
+        def out(kind: type[MC_GearOut | MC_CamOut]) -> Callable[..., None]:
+            def leave(place: float, distance: float = 0.0) -> None:
+                over = {"MasterStopDistance": distance} if distance else {"SyncProfileReference": 0}
+                follow(kind(axis, Execute=True, SlavePosition=place, **over))
+
+            return leave
+
+        def phase(shift: float) -> None:
+            follow(MC_PhasingRelative(axis, Master=axis.leader, Execute=True, PhaseShift=shift))
+
+        def offset(by: float, distance: float) -> None:
+            follow(MC_OffsetRelative(axis, Execute=True, Offset=by, OffsetDistance=distance))
+
+        stop = f"leave the gear and stop at P, {length}, over the way W of the leading value"
+        move = f"shift the following value by O, {length}, over the way W of the leading value"
+        return commands | {
+            "gear": ("LEADER [N] [D]", f"follow {' or '.join(leaders)} with the ratio N : D (1 : 1)", gear),
+            "gear-out": ("P [W]", stop, out(MC_GearOut)),
+            "cam": ("LEADER CAM", "follow by a cam again and again, beginning where both are", cam),
+            "cam-out": ("P [W]", "leave the cam, as `gear-out`", out(MC_CamOut)),
+            "phase": ("S", "shift the leading value by S, its unit", phase),
+            "offset": ("O W", move, offset),
         }
 
     def unit(self, quantity: str) -> str:
@@ -118,6 +202,9 @@ class PanelSession:
         if axis.has_position:
             shown.insert(0, f"position {self._value('ActualPosition', '.6g')}")
             shown.append(f"following error {self._value('StatusPositioning.FollowingError', '.3g')}")
+            job = axis.object.motion.synchronous_job
+            if job is not None:
+                shown.append(f"{'synchronous' if job.synchronous else 'synchronises'} ({job.instruction})")
             active = [name for path, name in _SWITCHES.items() if axis.var(path)]
             shown.append(f"limit switches {', '.join(active) or 'free'}")
         return shown
@@ -130,7 +217,8 @@ class PanelSession:
         """Return the state of axis and panel in one line."""
         who = "panel" if self.panel.active else "program"
         state = self._axis.state.name.lower().replace("_", " ")
-        return "  ".join([f"{self._bench.now_s:9.3f} s", who, state, *self.values(), *self.notes()])
+        name = [self._axis.name] if len(self._panels) > 1 else []
+        return "  ".join([f"{self._bench.now_s:9.3f} s", *name, who, state, *self.values(), *self.notes()])
 
     def notes(self) -> list[str]:
         """Return what an operator needs besides state and values: failed job, alarm, motion that continues
@@ -182,12 +270,17 @@ class PanelSession:
         self._bench.run_for(cycles * self._bench.runtime.cycle_ns * 1e-9)
 
     def close(self) -> None:
-        """Give the axis back, and wait until that is done."""
-        if self.panel.active:
-            self.panel.release()
-            self._bench.run_until(lambda: not self.panel.active, timeout=10.0)
+        """Give all axes back, and wait until that is done."""
+        held = [name for name, panel in self._panels.items() if panel.active]
+        for name in held:
+            self._panels[name].release()
+        if held:
+            self._bench.run_until(lambda: not any(self._panels[name].active for name in held), timeout=10.0)
+        for name in held:
+            self._choose(name)
             self._write(self.line())
-        self.panel.disconnect()
+        for panel in self._panels.values():
+            panel.disconnect()
 
     def _acknowledge(self) -> None:
         disabled = self._axis.enabling.alarmed

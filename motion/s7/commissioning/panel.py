@@ -434,6 +434,18 @@ class ControlPanel:
         self.job = self._own(MC_Home(self.axis, Execute=True, Mode=mode, Position=position))
         return self.job  # type: ignore[no-any-return]
 
+    def follow(self, instance: _T) -> _T:
+        """Start an instance that follows a leading value, leaves it or shifts it; the slider does not act on
+        it.
+
+        Raises:
+            CommissioningError: The panel does not have control, or the axis is not enabled.
+
+        """
+        self._need_control(enabled=True)
+        self.job = self._own(instance)
+        return instance
+
     def stop(self) -> MC_Halt:
         """Stop with the greatest deceleration; control and enable are kept."""
         self._need_control()

@@ -20,9 +20,8 @@ KV, KPC = "PositionControl.Kv", "PositionControl.Kpc"
 
 
 def script(capsys, tmp_path, text, name="profidrive", **options):
-    code = run_panel(
-        name, axis="", monitoring_s=2.0, plot=tmp_path / "plot.html", stdin=io.StringIO(text), **options
-    )
+    options.setdefault("axis", "")
+    code = run_panel(name, monitoring_s=2.0, plot=tmp_path / "plot.html", stdin=io.StringIO(text), **options)
     captured = capsys.readouterr()
     # what `jog` says of itself stands between the states
     lines = [line for line in captured.out.splitlines() if not line.startswith("jogs ")]
@@ -274,3 +273,39 @@ def test_a_script_on_every_bench(capsys, tmp_path, name):
     assert code == 1
     assert "line 3: " in err
     assert "not enabled in the panel" in err
+
+
+@pytest.mark.exhaustive
+def test_a_follower_is_geared_by_hand(capsys, tmp_path):
+    """Commands go to one axis after the other; the follower keeps the ratio, is shifted, and leaves at a
+    position; both axes are given back.
+    """
+    text = (
+        "take\nenable\nwait 0.5\naxis follower_a\ntake\nenable\nwait 0.5\nset 0\ngear leader 1 2\n"
+        "axis leader\nvelocity 100\njog 50\nwait 0.6\naxis follower_a\nphase 4\nwait 0.6\n"
+        "gear-out 60 20\nwait 2\naxis leader\nslide 0\nwait 0.5\n"
+    )
+    code, lines, _ = script(capsys, tmp_path, text, "synchronous", axis="leader")
+    assert code == 0
+    geared = next(line for line in lines if "synchronous (MC_GearIn)" in line and "velocity 25" in line)
+    assert "follower_a  panel  motion" in geared
+    (at_rest,) = [line for line in lines if "follower_a  panel  standstill  position 60" in line]
+    assert "velocity 0 mm/s" in at_rest
+    assert "synchronous" not in at_rest
+    assert ["program  disabled" in line for line in lines[-2:]] == [True, True]
+
+
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [
+        ("gear ledaer", "leading object: 'ledaer' is not allowed; allowed: one of leader, material"),
+        ("gear leader one", "values of gear: 'leader one' is not allowed; allowed: numbers: LEADER [N] [D]"),
+        ("cam leader swim", "cam: 'swim' is not allowed; allowed: one of swing, step"),
+        ("axis follower", "'follower'"),
+    ],
+)
+def test_mistakes_in_commands_for_followers(capsys, tmp_path, line, text):
+    """A leading object, cam or axis that does not exist is refused with those that do."""
+    code, _, errors = script(capsys, tmp_path, f"{line}\n", "synchronous", axis="follower_a")
+    assert code == 1
+    assert text in errors
