@@ -43,6 +43,7 @@ _SHARE: Final = 1e-6
 _OFFSET: Final = 1 << 4 | 1 << 5
 _SUPERIMPOSED_2: Final = 1 << 6 | 1 << 7
 _SUPERIMPOSED: Final = 1 << 23
+_NOT_CONTROLLED: Final = 1 << 28
 
 
 @dataclass(frozen=True)
@@ -310,13 +311,20 @@ def _leading_value(trace: Trace, axis: str, stretches: list[_Stretch]) -> Check 
 
 
 def _moved_otherwise(trace: Trace, leader: str, part: slice) -> Flags:
-    """Return the samples next to a change of the leading axis that is no motion: homing, state, alarm."""
+    """Return the samples next to a change of the leading axis that is no motion (homing, state, alarm), and
+    those without position control.
+    """
     times = trace[f"{leader}.position_setpoint"].time_s
     flags = np.zeros(len(times), dtype=bool)
     for kind in ("axis.homed", "axis.state", "alarm.raised"):
         for entry in trace.select(source=leader, kind=kind):
             at = int(np.searchsorted(times, entry.time_ns * 1e-9 - 1e-9))
             flags[max(at - 2, 0) : at + 3] = True
+    # Without position control an axis has no positions to give (SYN-026).
+    free = trace[f"{leader}.status_word"].values.astype(np.int64) & _NOT_CONTROLLED != 0
+    flags |= free
+    flags[1:] |= free[:-1]
+    flags[:-1] |= free[1:]
     return flags[part]
 
 

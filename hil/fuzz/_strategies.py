@@ -196,10 +196,10 @@ def _extras(kind: str) -> SearchStrategy[dict[str, Scalar]]:
         "encoder.jump": st.fixed_dictionaries(
             {"increments": st.integers(-20, 20).map(lambda number: number * 1000)}
         ),
+        "cam.overwrite": st.fixed_dictionaries({"shift": _grid(-10, 10, 0.5), "interpolate": st.booleans()}),
         "controller.overrun": st.fixed_dictionaries(
             {"level": st.sampled_from(["servo", "interpolator"]), "time_ms": _grid(1, 20, 0.5)}
         ),
-        "cam.overwrite": st.fixed_dictionaries({"shift": _grid(-10, 10, 5.0)}),
         "axis.alarm": st.sampled_from(_ALARMS).map(lambda pair: {"number": pair[0], "reaction": pair[1]}),
     }
     return known.get(kind, st.just({}))
