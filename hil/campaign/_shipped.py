@@ -67,7 +67,9 @@ SHIPPED: Final = (
     ShippedCampaign("nc_axes", seeding=("own",)),
     ShippedCampaign("profidrive_words", seeding=("own",)),
     ShippedCampaign("profidrive_positioner", seeding=("own",)),
+    ShippedCampaign("profidrive_speed", seeding=("own",)),
     ShippedCampaign("modbus_faults", seeding=("own",)),
+    ShippedCampaign("modbus_services", seeding=("own",)),
     ShippedCampaign("axis_motion", seeding=("own", "pairwise")),
     ShippedCampaign("limits", seeding=("reference", "nc", "analog")),
     ShippedCampaign("monitoring", seeding=("reference", "nc")),
@@ -76,6 +78,9 @@ SHIPPED: Final = (
     ShippedCampaign("encoders", seeding=("own",)),
     ShippedCampaign("external_encoder", seeding=(f"{PACKAGE}.external_encoder:REFERENCE",)),
     ShippedCampaign("commissioning", seeding=("reference",)),
+    ShippedCampaign("gearing", seeding=("own",)),
+    ShippedCampaign("camming", seeding=("own",)),
+    ShippedCampaign("leading_values", seeding=("own",)),
     ShippedCampaign("stops_of_jobs", matrix=True),
     ShippedCampaign("stops_on_stops", matrix=True),
     ShippedCampaign("faults_in_stops", matrix=True),
@@ -83,6 +88,7 @@ SHIPPED: Final = (
     ShippedCampaign("communication_loss", matrix=True),
     ShippedCampaign("power_faults", matrix=True),
     ShippedCampaign("encoder_faults", matrix=True),
+    ShippedCampaign("synchronous_faults", matrix=True),
 )
 """All of them; `hil run` lists them in this order."""
 

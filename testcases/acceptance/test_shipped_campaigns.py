@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import os
 from functools import cache
+from pathlib import Path
 
 import pytest
 
-from hil.campaign import CaseSettings, execute_case, load_bench_file, requirements_here
+from hil.campaign import SHIPPED, CaseSettings, execute_case, load_bench_file, requirements_here
 from reports.model import Verdict
 from testcases.campaigns import (
     axis_faults,
@@ -237,3 +238,12 @@ def test_the_campaign_crosses_all_stops_with_all_phases():
         )
         for phase in ("constant", "accelerating", "decelerating", "standstill")
     }
+
+
+def test_every_campaign_of_the_package_has_a_short_name():
+    """No module with a campaign and no matrix file is left out of the list that `hil run` shows."""
+    folder = Path(stop_modes.__file__).parent
+    modules = {path.stem for path in folder.glob("[!_]*.py") if "= Campaign(" in path.read_text("utf-8")}
+    matrices = {path.stem for path in folder.glob("*.toml")}
+    assert {one.name for one in SHIPPED if not one.matrix} == modules - {"own_axis", "support", "vocabulary"}
+    assert {one.name for one in SHIPPED if one.matrix} == matrices
