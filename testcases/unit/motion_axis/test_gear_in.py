@@ -307,7 +307,7 @@ def test_a_follower_that_is_not_enabled_or_stops():
     assert rig.alarms_of("axis1") == []
 
 
-@pytest.mark.requirement("SYN-028")
+@pytest.mark.requirement("SYN-369", "SYN-028")
 def test_homing_the_leading_axis_steps_the_follower():
     """The coordinate system of the leading axis moves by 5 mm, and with it the setpoint of the follower."""
     rig = in_gear(0.0, 2, 1)

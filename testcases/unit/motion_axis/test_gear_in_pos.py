@@ -150,7 +150,7 @@ def test_in_advance_with_dynamic_values(way, velocity, start, duration):
     assert y == pytest.approx(x - 100.0 + way, abs=1e-9)
 
 
-@pytest.mark.requirement("SYN-157")
+@pytest.mark.requirement("SYN-471", "SYN-157")
 def test_a_leading_axis_that_is_too_near_has_to_come_again():
     """Between start and synchronous position the job waits, until the start position is passed."""
     rig = standing(leader_at=70.0)

@@ -35,7 +35,7 @@ def status(rig):
 
 
 @pytest.mark.requirement(
-    "SYN-129", "SYN-130", "SYN-205", "SYN-207", "SYN-091", "SYN-092", "SYN-093", "SYN-206"
+    "SYN-351", "SYN-129", "SYN-130", "SYN-205", "SYN-207", "SYN-091", "SYN-092", "SYN-093", "SYN-206"
 )
 def test_over_a_distance():
     """From y = 175 on along the polynomial to 200, reached when the leading axis has gone 50 mm; outputs,

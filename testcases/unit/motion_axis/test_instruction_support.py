@@ -46,7 +46,7 @@ SUPPORT = [
     ((), "MC_PhasingRelative", "Y"),
     ((), "MC_OffsetAbsolute", "Y"),
     ((), "MC_OffsetRelative", "Y"),
-    ((), "MC_LeadingValueAdditive", "Y"),
+    (("SYN-214",), "MC_LeadingValueAdditive", "Y"),
     ((), "MC_SynchronizedMotionSimulation", "Y"),
 ]
 START = {

@@ -21,15 +21,16 @@ ACROSS = "CrossPlcSynchronousOperation."
 class Belt(EncoderPort):
     """An encoder on a belt: 100 increments per mm, `step` increments per cycle, and a noise of `noise`."""
 
-    __slots__ = ("noise", "step")
+    __slots__ = ("noise", "silent", "step")
 
     def __init__(self) -> None:
         super().__init__()
         self.step = 0
         self.noise = 0
+        self.silent = False
 
     def read(self) -> None:
-        self.link_ok = True
+        self.link_ok = not self.silent
         self.noise = -self.noise
         self.encoder_increments += self.step + self.noise
 

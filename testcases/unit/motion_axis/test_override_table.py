@@ -168,6 +168,8 @@ def identifiers(cell):
     found = [cell.identifier, "OVR-117", "OVR-118", meaning]
     if cell.identifier in {"OVR-019", "OVR-032"} and cell.letter == "A":
         found.append("OVR-040")
+    if cell.column == "S2" and cell.letter == "N":
+        found.append("SYN-173")
     if cell.identifier in {"OVR-021", "OVR-036"} and cell.letter == "-":
         found.append("OVR-097")
     row = int(cell.identifier[4:])

@@ -370,7 +370,7 @@ def test_what_the_setpoint_consists_of(jobs):
     assert max(map(abs, seen)) < 1e-9
 
 
-@pytest.mark.requirement("SYN-222", "SYN-227", "SYN-046", "SYN-219")
+@pytest.mark.requirement("SYN-347", "SYN-370", "SYN-222", "SYN-227", "SYN-046", "SYN-219")
 def test_the_additive_value_acts_at_once():
     """10 mm are a step of leading value and follower in the next cycle; FALSE is the step back."""
     rig = in_gear(0.0)

@@ -25,7 +25,8 @@ from testcases.unit.motion_axis.test_gear_in import (
     places,
     word,
 )
-from testcases.unit.motion_axis.test_gear_in_pos import standing
+from testcases.unit.motion_axis.test_gear_in_pos import standing, travel
+from testcases.unit.motion_axis.test_leading_objects import behind_belt
 
 SYNC = "StatusSynchronizedMotion."
 STANDSTILL, NON_POSITION_CONTROLLED = 1 << 7, 1 << 28
@@ -161,7 +162,7 @@ def test_a_motion_job_overrides(job):
     assert rig.leader.var("Velocity") == 300.0
 
 
-@pytest.mark.requirement("SYN-002", "SYN-085", "SYN-018", "SYN-005")
+@pytest.mark.requirement("SYN-001", "SYN-002", "SYN-085", "SYN-018", "SYN-005")
 def test_a_synchronous_axis_without_a_synchronous_job():
     """It moves as a positioning axis does, in the same cycles with the same setpoints; no variable of
     synchronous operation shows anything; and it leads another axis.
@@ -177,10 +178,14 @@ def test_a_synchronous_axis_without_a_synchronous_job():
             ("jog", (20.0,)),
             ("halt", ()),
             ("move_superimposed", (3.0,)),
+            ("torque_additive", (0.5,)),
+            ("motion_in_velocity", (20.0,)),
+            ("write_parameter", (1020, 3)),
             ("stop", (2,)),
         ):
             getattr(rig.axis, start)(*inputs)
             rig.run(0.4)
+        rig.until(rig.axis.power(False).off)
         return rig.column("position_setpoint"), rig.column("status_word"), rig.column("actual_position")
 
     rig = Rig(synchronous=True)
@@ -512,7 +517,7 @@ def test_leaving_ends_what_is_shifted():
     assert job.CommandAborted
 
 
-@pytest.mark.requirement("SYN-280")
+@pytest.mark.requirement("SYN-352", "SYN-280")
 def test_appended_positioning_waits_for_the_gear():
     """It does not start as long as the gear is active, whatever time passes."""
     rig = in_gear(50.0)
@@ -543,7 +548,90 @@ def test_a_moving_follower_and_a_leading_axis_that_starts(profile):
     assert max(abs(b - a) for a, b in pairwise(velocities)) > 10.0
 
 
-def test_gear_of_the_fixture():
-    """The fixture of these tests is in the phase that it says."""
-    rig = gear(100.0, Acceleration=100.0)
-    assert word(rig.axis) == SYNCHRONIZING
+@pytest.mark.requirement("SYN-315")
+@pytest.mark.parametrize("number", [421, 550])
+def test_alarms_of_the_drive_are_acknowledged(number):
+    """MC_Reset clears them; the axis follows again with a new job."""
+    rig = in_gear(20.0)
+    rig.axis.object.alarm(number)
+    rig.run(0.5)
+    rig.until(rig.axis.reset().done)
+    assert rig.axis.object.engine.pending == ()
+    rig.run(0.5)
+    rig.until(rig.axis.gear_in(rig.leader).in_gear)
+
+
+@pytest.mark.requirement("SYN-359", "SYN-360", "SYN-073")
+@pytest.mark.parametrize("fault", ["telegram", "sensor"])
+def test_a_leading_encoder_that_fails(fault):
+    """Its telegram is lost, or its sensor fails: an alarm of the encoder, 601 at the follower, which stops
+    with the maximum dynamics.
+    """
+    rig = behind_belt()
+    job = rig.axis.gear_in(rig.encoder)
+    rig.until(job.in_gear)
+    rig.rows.clear()
+    if fault == "sensor":
+        rig.belt.sensor_fault = True
+    else:
+        rig.belt.silent = True
+    rig.run(0.5)
+    assert (job.ErrorID, rig.alarms_of("axis1")) == (0x8001, [601])
+    assert rig.alarms_of("belt") == [411 if fault == "sensor" else 431]
+    assert rig.axis.var("Velocity") == 0.0
+    assert min(rig.column("acceleration_setpoint")) < -1100.0  # more than the default of 1000, with its jerk
+
+
+@pytest.mark.requirement("SYN-362", "SYN-363")
+def test_reversals_in_each_phase():
+    """While it synchronises 608, in a shift over a distance 16#808C, while it leaves over a distance 608;
+    while it is synchronous it follows.
+    """
+    rig = gear(100.0, 2, 1, Acceleration=300.0)
+    travel(rig, -50.0)
+    rig.run(0.5)
+    assert (rig.alarms_of("axis1"), rig.job.ErrorID) == ([608], 0x8001)
+    rig = in_gear(50.0)
+    shift = rig.axis.offset_relative(5.0, 100.0)
+    rig.run(0.2)
+    travel(rig, -50.0)
+    rig.run(0.2)
+    assert (shift.ErrorID, rig.job.InGear, rig.alarms_of("axis1")) == (0x808C, True, [])
+    assert rig.axis.var("Velocity") == pytest.approx(-50.0)
+    job = rig.axis.gear_out(rig.axis.var("Position") - 30.0, MasterStopDistance=40.0)
+    rig.until(job.start_sync_out)
+    travel(rig, 50.0)
+    rig.run(0.5)
+    assert (rig.alarms_of("axis1"), job.ErrorID) == ([608], 0x8001)
+
+
+@pytest.mark.requirement("SYN-076")
+def test_a_virtual_leading_axis():
+    """It is enabled at once, homed without motion, leads several followers, and knows no limit switch."""
+    rig = Rig(
+        synchronous=True, variables=FIXTURE, leader_variables=FIXTURE | {"PositionLimits_HW.Active": True}
+    )
+    power = rig.leader.power()
+    rig.cycles(3)
+    assert power.Status
+    rig.leader.home(123.0)
+    rig.cycles(2)
+    assert (rig.leader.var("Position"), rig.leader.var("Velocity")) == (123.0, 0.0)
+    rig.enabled()
+    rig.until(rig.axis.gear_in(rig.leader).in_gear)
+    rig.leader.move_velocity(50.0)
+    rig.run(0.5)
+    assert (rig.axis.var("Velocity"), rig.alarms_of("leader")) == (50.0, [])
+
+
+@pytest.mark.requirement("SYN-084")
+def test_positions_far_away():
+    """At 9e9 mm the relation of a gear is kept within 1e-3 mm, whatever the leading axis has travelled."""
+    rig = standing(at=9.0e9, leader_at=9.0e9)
+    rig.until(rig.axis.gear_in(rig.leader, 1, 3).in_gear)
+    x, y = places(rig)
+    travel(rig, 300.0)
+    for _ in range(50):
+        rig.run(0.05)
+        now = places(rig)
+        assert abs(now[1] - y - (now[0] - x) / 3.0) < 1e-3

@@ -194,6 +194,7 @@ def test_hold_tolerance(phase, tolerance, back, alarms):
         assert axis.var("Velocity") < 0.0
 
 
+@pytest.mark.requirement("SYN-476", "SYN-006")
 def test_the_tolerance_is_a_key_of_the_bench():
     """It belongs to synchronous axes of V9.0."""
     tolerant = SHAFT.replace('type = "synchronous"', 'type = "synchronous"\nhold_tolerance = 0.1', 1)

@@ -17,7 +17,7 @@ from testcases.unit.motion_axis.test_gear_in_pos import standing, travel
 VALUES = st.tuples(st.floats(-100.0, 100.0), st.floats(-3.0, 3.0), st.floats(-0.1, 0.1))
 
 
-@pytest.mark.requirement("SYN-120")
+@pytest.mark.requirement("SYN-469", "SYN-120")
 @given(
     begin=st.floats(-500.0, 500.0), length=st.floats(1.0, 200.0), sense=st.sampled_from((-1.0, 1.0)),
     first=VALUES, last=VALUES,
