@@ -9,7 +9,7 @@ setpoint is latched at SYNC k+1 and interpolated by the drive until SYNC k+2.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from struct import Struct
 from typing import TYPE_CHECKING, Final
@@ -41,6 +41,7 @@ from motion.drives.cia402_plan import (
     MODE_CST,
     MODE_CSV,
     MODE_IP,
+    MODE_PV,
     POSITION,
     STANDARD,
     STATUS,
@@ -68,6 +69,9 @@ _TPDO3: Final = Struct("<HB")
 
 _VELOCITY_UNIT_MILLI_RPM: Final = 0xFDB44700
 _PROFILE: Final = 402
+_PROFILE_ACCELERATION: Final = 0x608300
+_STEEP: Final = 10.0
+"""How much steeper than OFF3 the drive may accelerate in profile velocity."""
 _ACKNOWLEDGED: Final = (Parameter(0x6040, 0, 0x0080, 2), Parameter(0x6040, 0, 0, 2))
 _POSITION_MODES: Final = (MODE_CSP, MODE_IP)
 _POSITION_TARGETS: Final = (TARGET_POSITION, INTERPOLATION_DATA)
@@ -609,5 +613,14 @@ def _parameters(config: Cia402PortConfig) -> list[tuple[int, int, int, int]]:
         (0x605E, 0, config.fault_reaction, u16),
         (0x6084, 0, round(config.off1_deceleration_rpm_s / unit), u32),
         (0x6085, 0, round(config.off3_deceleration_rpm_s / unit), u32),
+        *_steep(plan, _STEEP * config.off3_deceleration_rpm_s / unit),
         (0x6060, 0, plan.mode, u8),
     ]
+
+
+def _steep(plan: DrivePlan, wanted: float) -> Iterator[tuple[int, int, int, int]]:
+    """Yield the acceleration of profile velocity: the axis makes the ramps, the drive shall add nothing."""
+    entry = (plan.writable or {}).get(_PROFILE_ACCELERATION)
+    if plan.mode == MODE_PV and entry is not None:
+        high = entry.type_range[1] if entry.high is None else int(entry.high)
+        yield 0x6083, 0, min(round(wanted), high), entry.size

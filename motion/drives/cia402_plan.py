@@ -27,7 +27,7 @@ _BY_NAME: Final[Mapping[str, int]] = {**MODES, "cst": MODE_CST}
 _SUPPORTED_BIT: Final = {MODE_PV: 2, MODE_IP: 6, MODE_CSP: 7, MODE_CSV: 8, MODE_CST: 9}
 _COSTS: Final = {
     MODE_CSV: "",
-    MODE_PV: "mode pv: the ramps 6083h and 6084h of the drive limit the dynamics; the axis follows later",
+    MODE_PV: "mode pv: the deceleration 6084h of the drive, which is that of OFF1, limits the dynamics",
     MODE_CSP: "mode csp: the drive controls the position; its own following error comes on top of the axis's",
     MODE_IP: "mode ip: as csp; setpoints reach the drive through 60C1h:1",
     MODE_CST: "",

@@ -203,6 +203,19 @@ def test_texts_of_a_vendor_are_his(tmp_path):
         assert [values[index << 8] for index in (0x6503, 0x6504, 0x6505)] == ["", "Maker", ""]
 
 
+def test_profile_velocity_accelerates_as_the_axis_wants(tmp_path):
+    """In pv a slow acceleration that the drive has by default does not hold the axis back."""
+    slow = drive_eds(changed={0x6502: "0x24", 0x6083: 300})
+    with built(bench_of(tmp_path, slow)) as bench:
+        assert bench.config.drive["d"].plan().mode == MODES["pv"]
+        power = bench.axis().power()
+        assert bench.run_until(lambda: bool(power.Status), 2.0)
+        job = bench.axis().move_velocity(100.0, Acceleration=800.0)
+        assert bench.run_until(lambda: job.InVelocity, 1.0)
+        bench.run_for(0.05)
+        assert bench.axis().var("ActualVelocity") == pytest.approx(100.0, rel=0.05)
+
+
 # -- own mappings
 # -----------------------------------------------------------------------------------------------------
 
