@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import floor
 from typing import TYPE_CHECKING, Final
 
 from motion.nc.commands import CONTINUOUS, ENDLESS, POSITION, STOP, BufferMode, Command, CommandState
@@ -223,8 +224,17 @@ class NcAxis:
                 ("axis.position_correction", OpMode.POSITION_CORRECTION),
                 ("axis.allow_commands_slave", OpMode.ALLOW_SLAVE_COMMANDS),
                 ("axis.allow_commands_ext_setpoint", OpMode.ALLOW_EXT_SET_AXIS_COMMANDS),
+                ("drv.looping_enable", OpMode.LOOP_MODE),
+                ("axis.error_propagation_mode", OpMode.DELAYED_ERROR_REACTION),
             )
         )
+        self._op_mode = 0
+        self._op_mode_changes = -1
+        self._modulo = cell("enc.modulo_factor")
+        self._motion_watch = cell("axis.motion_monitoring")
+        self._torque_out = cell("drv.output_scaling_torque")
+        self._acceleration_out = cell("drv.output_scaling_acceleration")
+        self._torque_in = cell("drv.input_scaling_torque")
         self._cycles = 0
         self._closed = False
         self._enabled = False
@@ -651,12 +661,11 @@ class NcAxis:
 
     # -- a cycle ---------------------------------------------------------------------------------------------
 
-    def read_inputs(self) -> None:
-        """Take over the inputs of the device; every SAF cycle, before `cycle`."""
-        self.device.read()
-
     def cycle(self) -> None:
-        """Run one cycle of the axis: inputs, commands, setpoint, control, monitoring, outputs."""
+        """Run one cycle of the axis: inputs, commands, setpoint, control, monitoring, outputs.
+
+        The task has let the device read its inputs before.
+        """
         self._cycles += 1
         device = self.device
         self._take_actual_values()
@@ -682,7 +691,8 @@ class NcAxis:
         if closed:
             written = inputs.Override
             override = 1.0 if written >= FULL_OVERRIDE else written / FULL_OVERRIDE
-            motion.set_override(override)
+            if override != motion.override:
+                motion.set_override(override)
             self._watch_feed(control)
             if self.discrete is not None:
                 self._cycle_discrete(self.discrete, override)
@@ -704,7 +714,8 @@ class NcAxis:
             self.following_error = motion.s - self.encoder.position
             self.drive.off()
         self._send(enable=enable)
-        self._spread_error()
+        if self.error_id or self.coupling.master is not None:
+            self._spread_error()
         self._publish()
 
     def _generate(self) -> None:
@@ -712,7 +723,7 @@ class NcAxis:
         motion = self.motion
         if self.homing.busy:
             self.homing.step()
-        before = motion.s
+        before = 0.0 if self._simulated is None else motion.s
         if self._group is not None:
             before = self._path_before
             self._path_before = motion.s
@@ -790,7 +801,8 @@ class NcAxis:
         error = self.encoder.update(device.raw, correction, device.input_age) or error
         if error:
             self.raise_error(error)
-        self.drive.take_torque(device.torque)
+        if self._torque_in.value or self.drive.actual_torque:
+            self.drive.take_torque(device.torque)
 
     def _supervise_device(self) -> None:
         device = self.device
@@ -853,23 +865,26 @@ class NcAxis:
 
     def _control(self) -> None:
         motion, encoder, monitoring, drive = self.motion, self.encoder, self.monitoring, self.drive
+        generator = motion.generator
+        s, v, a = generator.s + motion.offset, generator.v + motion.offset_v, generator.a + motion.offset_a
         position = encoder.position
-        error = motion.s - position
+        error = s - position
         active = motion.active
         interface = self._interface
         outputs = self._outputs
         if interface == POSITION_INTERFACE:
             device = self.device
-            target = drive.position(motion.s - encoder.correction, motion.v, motion.a, device.output_lead)
+            target = drive.position(s - encoder.correction, v, a, device.output_lead)
             outputs.position = encoder.raw_of(target)
-            outputs.velocity = -motion.v if self._inverted.value else motion.v
+            outputs.velocity = -v if self._inverted.value else v
             outputs.gain = self._kv.value
-            drive.output = motion.v / drive.full
+            drive.output = v / drive.full
             if self._extern.value:
                 error = encoder.increments_to_units(device.lag)
         else:
-            control = self.controller.step(motion.v, motion.a, error, has_job=active is not None)
-            control += self.coupling.correction(error)
+            control = self.controller.step(v, a, error, has_job=active is not None)
+            if self.coupling.master is not None:
+                control += self.coupling.correction(error)
             if interface == TORQUE_INTERFACE:
                 velocity = self.controller.feedforward + drive.limited(control)
                 drive.torque_step(
@@ -878,12 +893,13 @@ class NcAxis:
                 outputs.torque = drive.torque
             else:
                 outputs.velocity = drive.step(self.controller.feedforward, control)
-                if drive.feeds_forward:
-                    drive.give_acceleration(motion.a)
+                if self._torque_out.value or self._acceleration_out.value:
+                    drive.give_acceleration(a)
                     drive.give_torque(self.plc_to_nc.ExtTorque)
                     outputs.torque, outputs.acceleration = drive.torque, drive.acceleration
         self.following_error = error
         found = monitoring.watch_lag(error)
+        arrived = False
         if motion.has_target:
             arrived = motion.arrived
             found = found or monitoring.watch_target(
@@ -895,17 +911,20 @@ class NcAxis:
             monitoring.watch_target(error, arrived=True, alarm=False)
         else:
             monitoring.no_target()
-        found = found or monitoring.watch_motion(
-            position,
-            moving=active is not None and not (active.ended or motion.arrived),
-            held=self.plc_to_nc.Override == 0 and motion.standing,
-        )
-        found = found or self._limit_passed()
+        if self._motion_watch.value:
+            found = found or monitoring.watch_motion(
+                position,
+                moving=active is not None and not (active.ended or arrived),
+                held=self.plc_to_nc.Override == 0 and motion.standing,
+            )
+        if active is not None and (self._low_on.value or self._high_on.value):
+            found = found or self._limit_passed()
         if found:
             self.raise_error(found)
             drive.off()
-        else:
-            motion.finish(in_target=monitoring.reached or not monitoring.target_on)
+        elif active is not None:
+            in_target = arrived and (monitoring.reached or not monitoring.target_on)
+            motion.finish(active, arrived=arrived, in_target=in_target)
 
     def _limit_passed(self) -> int:
         """Compare the set position with the software limits, in the direction of motion (NC-744)."""
@@ -957,45 +976,52 @@ class NcAxis:
     def _publish(self) -> None:
         """Fill the image for the PLC."""
         image, motion, encoder = self.nc_to_plc, self.motion, self.encoder
-        image.StateDWord = self.state_dword()
-        image.ErrorCode = self.error_id
+        generator = motion.generator
+        s, v = generator.s + motion.offset, generator.v + motion.offset_v
+        standing = motion.standing
         if self.discrete is not None:
-            image.AxisState = self.discrete.sequence.state
+            state = self.discrete.sequence.state
         else:
-            image.AxisState = 13 if self.coupling.master is not None else motion.axis_state()
+            state = motion.axis_state(standing=standing)
+        image.StateDWord = self._state_dword(v, standing=standing, constant=state == 3)
+        image.ErrorCode = self.error_id
+        image.AxisState = 13 if self.coupling.master is not None else state
         image.HomingState = self.homing.state
         image.SafEntries = len(motion.queue)
         image.SvbEntries = len(self.prepared)
         image.OpModeDWord = self.op_mode_dword()
         position = encoder.position
         image.ActPos = position
-        image.ModuloActTurns, image.ModuloActPos = encoder.modulo(position)
+        factor = self._modulo.value
+        image.ModuloActTurns = turns = floor(position / factor)
+        image.ModuloActPos = position - turns * factor
+        image.ModuloSetTurns = turns = floor(s / factor)
+        image.ModuloSetPos = s - turns * factor
         image.ActVelo = encoder.velocity
         image.ActAcc = encoder.acceleration
         image.PosDiff = self.following_error
-        image.SetPos = motion.s
-        image.SetVelo = motion.v
-        image.SetAcc = motion.a
-        image.CoupleState = self.coupling.state
+        image.SetPos = s
+        image.SetVelo = v
+        image.SetAcc = generator.a + motion.offset_a
+        coupling = self.coupling
+        image.CoupleState = coupling.state if coupling.master is not None or coupling.slaves else 0
         image.TargetPos = motion.target
-        image.ModuloSetTurns, image.ModuloSetPos = encoder.modulo(motion.s)
         image.ActPosWithoutPosCorrection = encoder.uncorrected
         image.TouchProbeCounter = self.probe.count
         image.ActTorque = self.drive.actual_torque
         image.ActTorqueDerivative = self.drive.actual_torque_derivative
         if self._interface == TORQUE_INTERFACE:
             image.SetTorque = self.drive.output * FULL_TORQUE
-        elif self.drive.feeds_forward:
+        elif self._torque_out.value:
             image.SetTorque = self.plc_to_nc.ExtTorque
         active = motion.active
         if active is not None:
             image.CmdNo = active.number & 0xFFFF
             image.CmdState = int(active.state)
 
-    def state_dword(self) -> int:
+    def _state_dword(self, velocity: float, *, standing: bool, constant: bool) -> int:
         """Return `StateDWord` of this cycle (NC-440 to NC-471)."""
         motion, monitoring = self.motion, self.monitoring
-        velocity = motion.v
         active = motion.active
         word = 1 << 25 if self.coupling.master is None else 1 << 5
         if self._group is not None:
@@ -1018,7 +1044,7 @@ class NcAxis:
         if discrete is not None:
             if discrete.stands:
                 word |= 1 << 2
-        elif motion.standing and (active is None or active.ended) and self.superposed.command is None:
+        elif standing and (active is None or active.ended) and self.superposed.command is None:
             word |= 1 << 2
         if monitoring.in_area:
             word |= 1 << 3
@@ -1038,7 +1064,7 @@ class NcAxis:
             word |= 1 << 10
         if self.homing.busy:
             word |= 1 << 11
-        if motion.constant:
+        if constant:
             word |= 1 << 12
         if self.superposed.command is not None:
             word |= 1 << 13
@@ -1058,7 +1084,7 @@ class NcAxis:
             word |= 1 << 27
         if self.drive_error:
             word |= 1 << 28
-        if motion.locked:
+        if active is not None and active.locks:
             word |= 1 << 29
         if self._invalid:
             word |= 1 << 30
@@ -1068,10 +1094,14 @@ class NcAxis:
 
     def op_mode_dword(self) -> int:
         """Return `OpModeDWord` (NC-472)."""
-        word = (self._cycles & 0xFF) << 24
-        for cell, bit in self._op_mode_cells:
-            if cell.value:
-                word |= bit
+        parameters = self.parameters
+        if parameters.changes != self._op_mode_changes:
+            self._op_mode_changes = parameters.changes
+            self._op_mode = 0
+            for cell, bit in self._op_mode_cells:
+                if cell.value:
+                    self._op_mode |= bit
+        word = self._op_mode | (self._cycles & 0xFF) << 24
         if self._simulated is not None:
             word |= 0x100
         if self.homing.application_request:
@@ -1089,11 +1119,11 @@ class NcAxis:
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the values of `TRACE_COLUMNS` for the present cycle."""
-        motion, encoder, image = self.motion, self.encoder, self.nc_to_plc
+        encoder, image = self.encoder, self.nc_to_plc
         return (
-            motion.s,
-            motion.v,
-            motion.a,
+            image.SetPos,
+            image.SetVelo,
+            image.SetAcc,
             encoder.position,
             encoder.velocity,
             self.following_error,

@@ -25,6 +25,8 @@ _ENABLE: Final = 0x1
 _FEED_PLUS: Final = 0x2
 _FEED_MINUS: Final = 0x4
 _CAM: Final = 0x20
+_OPERATIONAL: Final = int(State.OPERATIONAL)
+_ERROR: Final = int(State.ERROR)
 DEFAULT_HOME_POSITION: Final = 1e307
 """`Position` of `MC_Home` that stands for the parameter `enc.home_position`."""
 
@@ -173,9 +175,10 @@ class MC_Power(Block):
             self.Error, self.ErrorID = True, BLOCK_NOT_PERMITTED
             self.Status = self.Active = self.Busy = False
             return
-        self.Status = self.Active = bool(image.StateDWord & State.OPERATIONAL)
+        state = image.StateDWord
+        self.Status = self.Active = state & _OPERATIONAL != 0
         self.Busy = bool(self.Enable)
-        self.Error = bool(image.StateDWord & State.ERROR)
+        self.Error = state & _ERROR != 0
         self.ErrorID = image.ErrorCode if self.Error else 0
 
     def status(self) -> bool:
@@ -233,6 +236,13 @@ class ExecuteBlock(Block):
         self.Error = error_id != 0
         self.ErrorID = error_id
         self.Done = not self.Error
+
+    @property
+    def dormant(self) -> bool:
+        """Whether a call would change nothing: it has ended, and its outputs are held while `Execute` is
+        TRUE.
+        """
+        return self._ended and self._last and bool(self.Execute)
 
     def done(self) -> bool:
         """Return `Done`."""

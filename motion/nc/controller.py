@@ -109,7 +109,7 @@ class Controller:
             output = self._kv.value * error
         else:
             output = 0.0
-        if kind in {P, TWO_P}:
+        if kind <= TWO_P and (self._auto_offset.value or self.offset):
             feedforward += self._offset(output, velocity, full)
         self.feedforward = feedforward
         return output

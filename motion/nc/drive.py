@@ -108,7 +108,9 @@ class Drive:
         self._control_limit = cell("ctrl.output_limit")
         self.digital = parameters.read("drv.type") in DIGITAL
         """The drive takes an absolute velocity value."""
-        self._delay = Delay(cell("drv.output_delay_velocity"), cycle_s)
+        self._delay_time = cell("drv.output_delay_velocity")
+        self._delay = Delay(self._delay_time, cycle_s)
+        self._delayed = False
         self._table_id = cell("drv.valve_table_id")
         self._table_interpolation = cell("drv.valve_interpolation")
         self._valve_offset = cell("drv.valve_offset")
@@ -157,8 +159,8 @@ class Drive:
     def limited(self, control: float) -> float:
         """Return the output of the position controller within its limit, position unit/s (NC-554)."""
         limit = self._control_limit.value * self.full
-        self.control = control = limit if control > limit else max(control, -limit)
-        return control
+        self.control = limit if control > limit else max(control, -limit)
+        return self.control
 
     def step(self, feedforward: float, control: float) -> float:
         """Form the output of this cycle.
@@ -171,8 +173,10 @@ class Drive:
             Velocity for the drive, position unit/s, with the sign of its motor.
 
         """
-        full = self.full
-        self.total = total = feedforward + self.limited(control) + self._drift.value
+        full = self._reference.value / self._ratio.value
+        limit = self._control_limit.value * full
+        self.control = control = limit if control > limit else max(control, -limit)
+        self.total = total = feedforward + control + self._drift.value
         share = total / full
         number = self._table_id.value
         if number or self._table_in_use:
@@ -182,7 +186,9 @@ class Drive:
             share += offset
         low, high = self._low.value, self._high.value
         share = low if share < low else min(share, high)
-        share = self._delay.step(share)
+        if self._delay_time.value or self._delayed:
+            share = self._delay.step(share)
+            self._delayed = self._delay_time.value > 0.0
         if self._inverted.value:
             share = -share
         self.output = share

@@ -81,11 +81,13 @@ class Encoder:
         self._low = cell("axis.soft_limit_min")
         self._high_on = cell("axis.soft_limit_max_enable")
         self._high = cell("axis.soft_limit_max")
+        self._position_time = cell("enc.filter_time_position")
         self._position_filter = Pt1(cell("enc.filter_time_position"), cycle_s)
         self._velocity_filter = Pt1(cell("enc.filter_time_velocity"), cycle_s)
         self._acceleration_filter = Pt1(cell("enc.filter_time_acceleration"), cycle_s)
         self._offset = 0.0
-        self._started = False
+        self.started = False
+        """The position has been defined."""
         self._unwrapped = 0
         self._range = 0
         self._last = 0.0
@@ -126,11 +128,6 @@ class Encoder:
         """How often the count has gone beyond its range, signed."""
         return self.soft_increments // self.span
 
-    @property
-    def started(self) -> bool:
-        """Whether the position has been defined."""
-        return self._started
-
     def update(self, raw: int, correction: float = 0.0, age_s: float = 0.0) -> int:
         """Take over the count of this cycle; returns an error code, 0 for none.
 
@@ -142,10 +139,12 @@ class Encoder:
 
         """
         error = NO_ERROR
-        if not self._started:
+        if not self.started:
             error = self.begin(raw, None)
-        span = self.span
-        step = wrap(raw - self.hard_increments, span)
+        step = raw - self.hard_increments
+        if step:
+            span = int(self._mask.value) + 1
+            step = (step + span // 2) % span - span // 2
         if step and self._range:
             self._unwrapped += step
             beyond = self._unwrapped // self._range
@@ -166,7 +165,8 @@ class Encoder:
         return ENCODER_OVERFLOW if overflows > 0 else ENCODER_UNDERFLOW
 
     def _form(self, correction: float, age_s: float) -> None:
-        position = self.soft_increments * self.scaling + self._bias.value + self._offset
+        scaling = self._numerator.value / self._denominator.value
+        position = self.soft_increments * scaling + self._bias.value + self._offset
         self.derivative = velocity = (position - self._last) / self._cycle_s
         self._last = position
         mode = int(self._mode.value)
@@ -184,7 +184,11 @@ class Encoder:
             if time_mode > 1.0:
                 position += 0.5 * acceleration * delay * delay
         self.correction = correction
-        self.position = self._position_filter.step(position) + correction
+        if self._position_time.value > 0.0:
+            self.position = self._position_filter.step(position) + correction
+        else:
+            self._position_filter.value = position
+            self.position = position + correction
 
     def begin(self, raw: int, retained: Retained | None) -> int:
         """Define the position from the first count after a start, and from what was kept (NC-268 to NC-279).
@@ -193,7 +197,7 @@ class Encoder:
             An error code, 0 for none.
 
         """
-        self._started = True
+        self.started = True
         self.hard_increments = raw
         sign = -1 if self._invert.value else 1
         self.soft_increments = sign * raw

@@ -28,6 +28,8 @@ class ExternalSetpoints:
         self._inputs = inputs
         self._motion = motion
         self._type = 0
+        self.enabled = False
+        """It runs (`ExtSetPointGenEnabled`)."""
         self._moved = False
         self._ending = False
         self.packets = 0
@@ -35,11 +37,6 @@ class ExternalSetpoints:
         self.step_size = 0.0
         """Way of the set position by the last packet, position unit."""
         self._jumped = False
-
-    @property
-    def enabled(self) -> bool:
-        """Whether it runs (`ExtSetPointGenEnabled`)."""
-        return self._type != 0
 
     def enable(self, start_type: int, target: float) -> int:
         """Begin; the axis has checked its state.
@@ -60,6 +57,7 @@ class ExternalSetpoints:
         if not self._type:
             self._moved = self._ending = False
             self._type = start_type
+            self.enabled = True
         motion.watch(target if start_type == ABSOLUTE else motion.generator.s + target)
         return NO_ERROR
 
@@ -74,6 +72,7 @@ class ExternalSetpoints:
         """End at once: an error, a reset, or the enable is gone (NC-571, NC-572)."""
         if self._type:
             self._type = 0
+            self.enabled = False
             self._motion.take_offset()
 
     def step(self) -> None:

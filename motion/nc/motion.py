@@ -36,14 +36,17 @@ class Motion:
         self._low = cell("axis.soft_limit_min")
         self._high_on = cell("axis.soft_limit_max_enable")
         self._high = cell("axis.soft_limit_max")
-        self._override = 1.0
+        self.override = 1.0
+        """Override, 0 to 1; `set_override` changes it."""
         self._peak = 0.0
         self._direction = 0.0
         self._count = 0
-        self._offset_v = 0.0
-        self._offset_a = 0.0
         self.offset = 0.0
-        """What external setpoints add to the position, position unit."""
+        """What external setpoints and superposed motions add to the position, position unit."""
+        self.offset_v = 0.0
+        """What they add to the velocity, position unit/s."""
+        self.offset_a = 0.0
+        """What they add to the acceleration, position unit/s2."""
         self.generator = SetpointGenerator()
         self.plans = True
         """Commands are executed by the generator; False: by something else (a discrete axis)."""
@@ -72,18 +75,18 @@ class Motion:
     @property
     def v(self) -> float:
         """Set velocity, position unit/s."""
-        return self.generator.v + self._offset_v
+        return self.generator.v + self.offset_v
 
     @property
     def a(self) -> float:
         """Set acceleration, position unit/s2."""
-        return self.generator.a + self._offset_a
+        return self.generator.a + self.offset_a
 
     @property
     def standing(self) -> bool:
         """Whether the set velocity is 0."""
         generator = self.generator
-        return generator.done and abs(generator.v + self._offset_v) <= _STANDS
+        return generator.done and -_STANDS <= generator.v + self.offset_v <= _STANDS
 
     @property
     def arrived(self) -> bool:
@@ -92,7 +95,7 @@ class Motion:
 
     def set_offset(self, s: float, v: float, a: float) -> None:
         """Add external setpoints to those of the profile (NC-584)."""
-        self.offset, self._offset_v, self._offset_a = s, v, a
+        self.offset, self.offset_v, self.offset_a = s, v, a
 
     def take_offset(self) -> None:
         """Stand where profile and external setpoints have led; a running command goes on from there."""
@@ -118,21 +121,14 @@ class Motion:
         active = self.active
         return active is not None and active.locks
 
-    @property
-    def constant(self) -> bool:
-        """Whether the axis moves with constant velocity."""
-        return not self.standing and self.generator.phase is MotionPhase.CONSTANT
-
-    def axis_state(self) -> int:
+    def axis_state(self, *, standing: bool) -> int:
         """Return `AxisState` of a continuous master (NC-473): 0 inactive, 1 running, 2 override zero, 3
         constant velocity, 4 acceleration, 5 deceleration.
         """
-        if self.active is None and self.standing:
-            return 0
-        if self._override <= 0.0 and self.standing:
-            return 2
-        if self.standing:
-            return 1
+        if standing:
+            if self.active is None:
+                return 0
+            return 2 if self.override <= 0.0 else 1
         phase = self.generator.phase
         if phase is MotionPhase.CONSTANT:
             return 3
@@ -207,7 +203,7 @@ class Motion:
 
     def _velocity(self, command: Command) -> float:
         """Return the velocity that the override leaves (NC-168, NC-169)."""
-        override = self._override
+        override = self.override
         if int(self._override_type.value) == _REDUCED:
             return self._peak * override
         return min(command.velocity * override, self._peak)
@@ -277,9 +273,9 @@ class Motion:
 
     def set_override(self, override: float) -> None:
         """Take over the override, 0 to 1; ramps keep their acceleration and jerk (NC-167)."""
-        if override == self._override:
+        if override == self.override:
             return
-        self._override = override
+        self.override = override
         active = self.active
         if active is not None and active.kind != STOP and self.plans and not self.arrived:
             self._plan(active)
@@ -338,16 +334,15 @@ class Motion:
         )
         return profile.distance * self._direction
 
-    def finish(self, *, in_target: bool) -> None:
+    def finish(self, active: Command, *, arrived: bool, in_target: bool) -> None:
         """End the active command where it has arrived; the next one begins.
 
         Args:
+            active: The active command.
+            arrived: The set position has reached the target.
             in_target: The actual position is where the monitoring of the target wants it.
 
         """
-        active = self.active
-        if active is None:
-            return
         generator = self.generator
         kind = active.kind
         if kind == ENDLESS:
@@ -360,7 +355,7 @@ class Motion:
                 active.state = CommandState.DONE
                 if not active.locks:
                     self.active = None
-        elif kind == POSITION and self.arrived and in_target:
+        elif kind == POSITION and arrived and in_target:
             self._end(active)
 
     def complete(self, command: Command) -> None:

@@ -198,6 +198,8 @@ class ParameterSet:
     ) -> None:
         self._cells: dict[str, Cell[float]] = {}
         self._texts: dict[str, str] = {}
+        self.changes = 0
+        """Counts the changes of values."""
         self.guards: dict[str, Guard] = {}
         """What decides whether a parameter may change in the present state, by key."""
         for key, one in catalogue().items():
@@ -218,6 +220,7 @@ class ParameterSet:
         errors.check()
 
     def _keep(self, one: Parameter, value: Value, *, new: str = "") -> None:
+        self.changes += 1
         if new:
             self._cells[one.key] = Cell(0.0)
         if one.type == "string":

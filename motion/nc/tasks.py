@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 from fieldbus.errors import ConfigurationError
 from motion.kernel.task import Task
 from motion.nc.axis_ref import AxisRef
+from motion.nc.blocks import ExecuteBlock
 from motion.nc.parameters import ParameterSet
 from motion.nc.process_image import ProcessImage
 from motion.nc.retain import (
@@ -247,6 +248,7 @@ class NcRuntime:
         """Interpolation groups, which are executed in front of the axes."""
         self.program: list[Callable[[], object]] = []
         """What the PLC calls in every cycle, in this order."""
+        self._dormant: list[ExecuteBlock] = []
         self.plc_running = True
         """False: the PLC is stopped, hangs or has been halted by an exception (NC-765)."""
         self._cyclic = _Saf(self, cell("task.ads_high_priority"))
@@ -286,8 +288,17 @@ class NcRuntime:
         self._cyclic.clear()
 
     def call(self, instance: Callable[[], object]) -> None:
-        """Call `instance` in every cycle of the PLC from the next one on."""
-        self.program.append(instance)
+        """Call `instance` in every cycle of the PLC from the next one on.
+
+        Blocks that have ended, and whose outputs are only held, are not called until their `Execute` falls.
+        """
+        active: list[Callable[[], object]] = []
+        for one in self.program:
+            if isinstance(one, ExecuteBlock) and one.dormant:
+                self._dormant.append(one)
+            else:
+                active.append(one)
+        self.program = [*active, instance]
 
     def image(self) -> dict[str, bytes]:
         """Return the process image of the SAF task: inputs and outputs of encoder and drive of every axis
@@ -373,6 +384,10 @@ class NcRuntime:
         for link in self.links.values():
             written = link.ref.PlcToNc
             written.PlcCycleCount = (written.PlcCycleCount + 1) & 0xFF
+        for block in self._dormant:
+            if not block.Execute:
+                self._wake()
+                break
         try:
             for instance in self.program:
                 instance()
@@ -380,6 +395,12 @@ class NcRuntime:
             # As on the machine: an exception of the arithmetic halts the PLC, the NC goes on (NC-019).
             self.plc_running = False
             self._emit("plc.halted", reason=f"{type(error).__name__}: {error}")
+
+    def _wake(self) -> None:
+        """Call those again that were not called and whose `Execute` has fallen, in front of the others."""
+        woken = [block for block in self._dormant if not block.Execute]
+        self._dormant = [block for block in self._dormant if block.Execute]
+        self.program = [*woken, *self.program]
 
 
 class _NoEncoder:
@@ -426,7 +447,7 @@ class _Saf:
     def _saf(self, count: int) -> None:
         pairs = self._pairs
         for axis, _ in pairs:
-            axis.read_inputs()
+            axis.device.read()
         high = self.posted and self._high_priority.value
         if high:
             self._execute()

@@ -38,17 +38,14 @@ class TouchProbe:
         self._encoder = encoder
         self._search: MarkSearch | None = None
         self._window: tuple[float, float] | None = None
+        self.active = False
+        """An edge is waited for."""
         self.valid = False
         """A position has been latched (`ExternalLatchValid`)."""
         self.position = 0.0
         """Latched position, position unit; once `valid`."""
         self.count = 0
         """Latched positions so far."""
-
-    @property
-    def active(self) -> bool:
-        """Whether an edge is waited for."""
-        return self._search is not None
 
     def start(self, source: ProbeSource, window: tuple[float, float] | None = None) -> int:
         """Wait for an edge; returns an error code, 0 for none.
@@ -65,6 +62,7 @@ class TouchProbe:
         self.valid = False
         self._window = window
         self._search = search
+        self.active = True
         search.start()
         return NO_ERROR
 
@@ -73,6 +71,7 @@ class TouchProbe:
         if self._search is not None:
             self._search.cancel()
             self._search = None
+            self.active = False
 
     def step(self) -> None:
         """Look whether an edge has come; once per cycle while `active`."""
@@ -88,4 +87,5 @@ class TouchProbe:
                 search.start()
                 return
             self.position, self.valid, self._search = position, True, None
+            self.active = False
             self.count += 1

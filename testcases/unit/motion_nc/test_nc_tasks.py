@@ -600,3 +600,21 @@ def test_encoder_axis():
     system.cycles(5)
     assert s.ref.NcToPlc.SetPos == pytest.approx(2.0 * plant.raw * 0.001)
     assert not s.error_id
+
+
+def test_ended_blocks_are_not_called():
+    """A program does not grow with the commands that have ended: they are called again when Execute falls."""
+    rig = Rig().enabled()
+    first = rig.handle.move_absolute(1.0, Velocity=100.0)
+    rig.until(first.done)
+    for target in range(2, 30):
+        rig.until(rig.handle.move_absolute(float(target), Velocity=100.0).done)
+    assert len(rig.runtime.program) <= 3
+    assert first.Done
+    first.set(Execute=False)
+    rig.cycles(2)
+    assert not first.Done
+    first.set(Execute=True, Position=0.0)
+    rig.cycles(2)
+    rig.until(first.done)
+    assert rig.generator.s == 0.0
