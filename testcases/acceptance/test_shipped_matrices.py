@@ -4,6 +4,7 @@ run`.
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 
 from hil.bench import load_bench
 from hil.campaign import CaseSettings, case_seed, execute_case, requirements_here
+from hil.campaign._shipped import SHIPPED
 from hil.matrix import load_matrix
 from reports.model import Verdict
 
@@ -55,3 +57,14 @@ def test_the_matrices_have_at_least_a_thousand_cases():
     names = [case.identifier for path in FOLDER.glob("*.toml") for case in matrix(path.stem).cases]
 
     assert len(names) == len(set(names)) >= 1000
+
+
+def test_every_campaign_of_the_folder_has_a_short_name():
+    """`hil run NAME` finds every matrix and every module that has a campaign of its own."""
+    modules = [
+        path.stem
+        for path in FOLDER.glob("[!_]*.py")
+        if re.search(r"^CAMPAIGN\b.* = Campaign\(", path.read_text(encoding="utf-8"), re.MULTILINE)
+    ]
+    names = {campaign.name for campaign in SHIPPED}
+    assert {*modules, *(path.stem for path in FOLDER.glob("*.toml"))} <= names
