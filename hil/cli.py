@@ -670,6 +670,92 @@ def fuzz(
 
 
 @app.command()
+def envelope(
+    bench: Annotated[
+        str,
+        typer.Argument(
+            metavar="BENCH", help="Bench file or embedded name, in virtual time.", autocompletion=_bench_names
+        ),
+    ] = "reference",
+    *,
+    own: Annotated[
+        str,
+        typer.Option(
+            "--motion", metavar="FILE.py[:NAME]", help="Test code: `motion(bench)`, and `before(bench)`."
+        ),
+    ] = "",
+    axis: Annotated[str, typer.Option("--axis", "-a", metavar="NAME", help="Axis that moves.")] = "",
+    to: Annotated[float, typer.Option("--to", metavar="POSITION", help="Move from 0 to here.")] = 100.0,
+    velocity: Annotated[float, typer.Option("--velocity", metavar="V", help="With this velocity.")] = 200.0,
+    stimuli: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--stimulus",
+            "-x",
+            metavar="KIND[@TARGET][:KEY=VALUE,...]",
+            help="Fault or operator action, any number of times; all: every kind of fault.",
+        ),
+    ] = None,
+    every: Annotated[
+        str,
+        typer.Option(
+            "--every",
+            metavar="N",
+            help="cycle, every so many cycles, or auto: coarse, then where it changes.",
+        ),
+    ] = "cycle",
+    watch: Annotated[
+        float, typer.Option("--watch", metavar="S", help="Time that each branch is watched, s.")
+    ] = 1.0,
+    seed: SeedOption = 1,
+    jobs: JobsOption = "0",
+    budget: Annotated[
+        str,
+        typer.Option("--budget", metavar="TIME", help="Stop after 90s, 10m, 1h, and say what is left out."),
+    ] = "",
+    report: ReportOption = Path("hil-report-envelope"),
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the branches in the report folder.")
+    ] = False,
+    cycle: Annotated[
+        int | None,
+        typer.Option(
+            "--cycle", metavar="N", help="Run one branch alone, with one stimulus, and keep its trace."
+        ),
+    ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option("--against", metavar="DIR", help="Compare with the envelope in this folder."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Break a motion at every cycle, and show the worst stop."""
+    from hil._commands.envelope import envelope_of
+    from hil._commands.run import parse_jobs
+
+    raise typer.Exit(
+        envelope_of(
+            bench=bench,
+            own=own,
+            axis=axis,
+            to=to,
+            velocity=velocity,
+            stimuli=list(stimuli or []),
+            every=every,
+            watch=watch,
+            seed=seed,
+            jobs=parse_jobs(jobs),
+            budget=budget,
+            report=report,
+            resume=resume,
+            cycle=cycle,
+            against=against,
+            as_json=as_json,
+        )
+    )
+
+
+@app.command()
 def keep(
     token: Annotated[str, typer.Argument(metavar="TOKEN", help="Token of a program, from `hil fuzz`.")],
     folder: Annotated[

@@ -77,6 +77,7 @@ EVENT_KINDS: Final = MappingProxyType(
         "encoder.error": "the error of a PROFIdrive encoder changes",
         "encoder.preset": "a preset is written",
         "encoder.warning": "warnings of an encoder change",
+        "envelope.action": "an operator action of a stop envelope is given to an axis",
         "fault.applied": "an injected fault acts",
         "fault.armed": "a fault waits for its trigger",
         "fault.disarmed": "a fault has ended before its trigger came",

@@ -1,0 +1,454 @@
+"""Copies of a running bench: the process is forked at the end of an application cycle.
+
+A virtual bench is one thread in one process, so a fork is a copy of all of it. The copy goes on in the middle
+of the test code, with the stimulus applied; it ends when its time is over, whatever the test code does
+meanwhile.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import json
+import os
+import selectors
+import signal
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final, NoReturn, TypedDict, cast
+
+from fieldbus.clock import seconds_to_ns
+from fieldbus.errors import HilError
+from hil.envelope._measures import (
+    Range,
+    display_factor,
+    measure,
+    motion_range,
+    reaction_class,
+    rest_place,
+    unit_of,
+)
+from hil.errors import CannotRunError
+from hil.expect import run_checkers
+from reports.model import Verdict
+
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
+    from hil.envelope._stimulus import Stimulus
+    from hil.protocols import BenchFile
+    from hil.record import Trace
+
+Body = Callable[["Bench"], object]
+"""Test code: it gets the bench, and may wait on it."""
+Job = tuple[int, int]
+"""Cycle of the motion and number of the stimulus."""
+
+
+class Row(TypedDict):
+    """What a copy found."""
+
+    cycle: int
+    stimulus: int
+    """Its number."""
+    reaction: str
+    error: str
+    broken: list[str]
+    measures: dict[str, dict[str, float]]
+    rest: dict[str, float]
+    digest: str
+
+
+WALL_LIMIT_S: Final = 60
+"""Time that a copy may take by the wall clock, s."""
+
+
+class _TimeIsOver(BaseException):
+    """The copy has run as long as it is watched."""
+
+
+class NotBranchableError(CannotRunError):
+    """Only a bench in virtual time, on a system that can fork, can be copied."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A motion with what goes before it.
+
+    Args:
+        motion: It is copied at every cycle of this.
+        before: Brings the bench to the start of it; None: nothing.
+
+    """
+
+    motion: Body
+    before: Body | None = None
+
+
+@dataclass(frozen=True)
+class Course:
+    """The undisturbed motion."""
+
+    start_s: float
+    cycle_s: float
+    cycles: int
+    """Application cycles of the motion: a copy can be made at the end of each."""
+    ranges: Mapping[str, Range] = field(default_factory=dict)
+    """By axis."""
+    positions: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """Position of the machine at every cycle, by axis, mm or deg."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Of the positions, by axis."""
+    stops: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Mechanical end stops, by axis, mm or deg."""
+    problem: str = ""
+    """Why the motion does not work even undisturbed; empty: it does."""
+
+    def time_s(self, cycle: int) -> float:
+        """Return the time of the bench at which a cycle of the motion ends."""
+        return self.start_s + cycle * self.cycle_s
+
+
+@dataclass(frozen=True)
+class Witness:
+    """One branch, run alone: the same trace as in the copy."""
+
+    trace: Trace
+    row: Row
+
+
+class Branching:
+    """Runs a motion and branches off it.
+
+    Args:
+        bench_file: Bench in virtual time.
+        body: The motion.
+        stimuli: What copies are broken with.
+        seed: Seed of the bench.
+        watch_s: Time that a copy is watched after its stimulus, s.
+        rules: Judge every copy by the rules that hold in every run.
+
+    Raises:
+        NotBranchableError: The system cannot fork.
+
+    """
+
+    def __init__(
+        self,
+        bench_file: BenchFile[Bench],
+        body: Prepared,
+        stimuli: list[Stimulus],
+        *,
+        seed: int,
+        watch_s: float,
+        rules: bool,
+    ) -> None:
+        if not hasattr(os, "fork"):
+            raise NotBranchableError("a stop envelope copies the process: this system cannot fork")
+        self._bench_file = bench_file
+        self._body = body
+        self._stimuli = stimuli
+        self._seed = seed
+        self._watch_ns = seconds_to_ns(watch_s)
+        self._rules = rules
+
+    # -- the undisturbed motion
+
+    def course(self) -> Course:
+        """Run the motion undisturbed.
+
+        Raises:
+            HilError: What goes before the motion fails.
+            NotBranchableError: The bench is not in virtual time.
+
+        """
+        problem = ""
+        with self._bench_file.build(seed=self._seed) as bench:
+            if bench.kind != "virtual":
+                raise NotBranchableError(
+                    f"{self._bench_file.name}: a stop envelope needs a bench in virtual time; this one is "
+                    f"{bench.kind!r}"
+                )
+            self._before(bench)
+            start = bench.scheduler.now
+            cycles: list[int] = []
+            bench.on_cycle(lambda: cycles.append(bench.scheduler.now))
+            try:
+                self._body.motion(bench)
+            except (HilError, AssertionError) as error:
+                problem = str(error)
+            trace = bench.trace()
+            first_s = (cycles[0] if cycles else start) * 1e-9
+            drives = drives_of(bench)
+            instants = [time_ns * 1e-9 for time_ns in cycles]
+            ranges = {
+                axis: motion_range(trace, drive, start * 1e-9, trace.end_s) for axis, drive in drives.items()
+            }
+            factor = {axis: display_factor(trace[f"{drive}.position"].unit) for axis, drive in drives.items()}
+            return Course(
+                start_s=first_s,
+                cycle_s=(cycles[1] - cycles[0]) * 1e-9 if len(cycles) > 1 else bench.cycle_ns * 1e-9,
+                cycles=len(cycles),
+                ranges=ranges,
+                positions={
+                    axis: tuple(trace[f"{drive}.position"].at(one) * factor[axis] for one in instants)
+                    for axis, drive in drives.items()
+                },
+                units={axis: unit_of(trace[f"{drive}.position"].unit) for axis, drive in drives.items()},
+                stops={
+                    axis: (
+                        trace.constants[f"{drive}.negative_stop"] * factor[axis],
+                        trace.constants[f"{drive}.positive_stop"] * factor[axis],
+                    )
+                    for axis, drive in drives.items()
+                    if f"{drive}.negative_stop" in trace.constants
+                },
+                problem=problem,
+            )
+
+    def refusals(self) -> dict[int, str]:
+        """Return why the bench cannot take a stimulus, by its number."""
+        refused: dict[int, str] = {}
+        with self._bench_file.build(seed=self._seed) as bench:
+            for number, stimulus in enumerate(self._stimuli):
+                try:
+                    stimulus.check(bench)
+                except HilError as error:
+                    refused[number] = str(error)
+        return refused
+
+    def _before(self, bench: Bench) -> None:
+        if self._body.before is not None:
+            self._body.before(bench)
+
+    # -- copies
+
+    def run(
+        self, jobs: Iterable[Job], course: Course, processes: int, on_row: Callable[[Row], object]
+    ) -> None:
+        """Branch off.
+
+        Args:
+            jobs: Cycle and stimulus.
+            course: The undisturbed motion.
+            processes: Copies that run at the same time.
+            on_row: Told the row of every job, as the copies end.
+
+        """
+        wanted: dict[int, list[int]] = {}
+        for cycle, number in sorted(jobs):
+            wanted.setdefault(cycle, []).append(number)
+        if not wanted:
+            return
+        last = max(wanted)
+        copies = _Copies(processes, on_row)
+        with self._bench_file.build(seed=self._seed) as bench:
+            self._before(bench)
+            at = 0
+
+            def branch() -> None:
+                nonlocal at
+                if copies.child is not None:
+                    return
+                for number in wanted.get(at, ()):
+                    if copies.fork((at, number)):
+                        self._go_on(bench, copies, (at, number), course)
+                        return
+                at += 1
+                if at > last:
+                    raise _TimeIsOver
+
+            # Fewer pages are copied when the collector leaves what is there alone.
+            gc.collect()
+            gc.freeze()
+            bench.on_cycle(branch)
+            try:
+                self._motion(bench, copies)
+            finally:
+                gc.unfreeze()
+                copies.wait()
+
+    def _motion(self, bench: Bench, copies: _Copies) -> None:
+        """Run the motion; in a copy it ends the process."""
+        problem = ""
+        try:
+            # It fails because it was disturbed.
+            with contextlib.suppress(HilError, AssertionError):
+                self._body.motion(bench)
+            if copies.child is not None:
+                bench.run_for((self._watch_ns + seconds_to_ns(1.0)) * 1e-9)
+        except _TimeIsOver:
+            pass
+        except Exception as error:
+            if copies.child is None:
+                raise
+            problem = f"{type(error).__name__}: {error}"
+        if copies.child is not None:
+            copies.child.end(problem)
+
+    def _go_on(self, bench: Bench, copies: _Copies, job: Job, course: Course) -> None:
+        """Apply the stimulus in the copy, and let the copy end after its time."""
+        assert copies.child is not None
+        copies.child.row = lambda problem: self._row(bench, job, course, problem)[0]
+        try:
+            self._disturb(bench, job)
+        except HilError as error:
+            copies.child.end(str(error))
+
+    def _disturb(self, bench: Bench, job: Job) -> None:
+        def over() -> NoReturn:
+            raise _TimeIsOver
+
+        bench.scheduler.at(bench.scheduler.now + self._watch_ns, over, priority=1_000)
+        self._stimuli[job[1]].apply(bench)
+
+    def _row(self, bench: Bench, job: Job, course: Course, problem: str) -> tuple[Row, Trace]:
+        trace = bench.trace()
+        cycle, number = job
+        at_s = course.time_s(cycle)
+        drives = drives_of(bench)
+        broken = []
+        if self._rules:
+            broken = [check for check in run_checkers(trace) if check.verdict is Verdict.FAILED]
+        row: Row = {
+            "cycle": cycle,
+            "stimulus": number,
+            "reaction": problem or reaction_class(trace, list(drives), at_s, broken),
+            "error": problem,
+            "broken": [f"{check.name}: {check.observed}" for check in broken],
+            "measures": {
+                axis: measure(trace, drive, at_s, course.ranges[axis]) for axis, drive in drives.items()
+            },
+            "rest": {axis: rest_place(trace, drive, at_s) for axis, drive in drives.items()},
+            "digest": trace.digest(),
+        }
+        return row, trace
+
+    # -- one branch alone
+
+    def witness(self, job: Job, course: Course) -> Witness:
+        """Run one branch in this process, without a copy."""
+        cycle, _ = job
+        problem = ""
+        with self._bench_file.build(seed=self._seed) as bench:
+            self._before(bench)
+            at = 0
+
+            def disturb() -> None:
+                nonlocal at
+                if at == cycle:
+                    self._disturb(bench, job)
+                at += 1
+
+            bench.on_cycle(disturb)
+            try:
+                with contextlib.suppress(HilError, AssertionError):
+                    self._body.motion(bench)
+                bench.run_for((self._watch_ns + seconds_to_ns(1.0)) * 1e-9)
+            except _TimeIsOver:
+                pass
+            except Exception as error:  # noqa: BLE001 - as in a copy
+                problem = f"{type(error).__name__}: {error}"
+            row, trace = self._row(bench, job, course, problem)
+            return Witness(trace, row)
+
+
+class _Child:
+    """This process, if it is a copy."""
+
+    def __init__(self, pipe: int, job: Job) -> None:
+        self._pipe = pipe
+        self._job = job
+        self.row: Callable[[str], Row] = lambda problem: _failed(job, problem)
+
+    def end(self, problem: str) -> NoReturn:
+        """Hand the row over and end the process."""
+        try:
+            row = self.row(problem)
+        except Exception as error:  # noqa: BLE001 - a row of the result, too
+            row = _failed(self._job, f"{type(error).__name__}: {error}")
+        with os.fdopen(self._pipe, "wb") as out:
+            out.write(json.dumps(row, sort_keys=True, separators=(",", ":")).encode())
+        os._exit(0)
+
+
+class _Copies:
+    """The copies that run."""
+
+    def __init__(self, most: int, on_row: Callable[[Row], object]) -> None:
+        self._most = most
+        self._on_row = on_row
+        self._running: dict[int, tuple[int, Job, bytearray]] = {}
+        self._selector = selectors.DefaultSelector()
+        self.child: _Child | None = None
+        """This process as a copy; None in the first process."""
+
+    def fork(self, job: Job) -> bool:
+        """Make a copy as soon as there is room; returns whether this is the copy."""
+        while len(self._running) >= self._most:
+            self._collect()
+        ours, theirs = os.pipe()
+        with warnings.catch_warnings():
+            # Python warns of threads, which a virtual bench does not have; those of a test runner sleep.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            process = os.fork()
+        if process == 0:
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+            signal.signal(signal.SIGALRM, signal.SIG_DFL)
+            signal.alarm(WALL_LIMIT_S)
+            os.close(ours)
+            for running in self._running:
+                os.close(running)
+            silent = os.open(os.devnull, os.O_RDWR)
+            for stream in (0, 1, 2):
+                os.dup2(silent, stream)
+            self.child = _Child(theirs, job)
+            return True
+        os.close(theirs)
+        self._running[ours] = (process, job, bytearray())
+        self._selector.register(ours, selectors.EVENT_READ)
+        return False
+
+    def wait(self) -> None:
+        """Wait for all copies."""
+        if self.child is None:
+            while self._running:
+                self._collect()
+
+    def _collect(self) -> None:
+        for key, _ in self._selector.select():
+            pipe = int(key.fd)
+            process, job, content = self._running[pipe]
+            part = os.read(pipe, 65_536)
+            if part:
+                content += part
+                continue
+            self._selector.unregister(pipe)
+            os.close(pipe)
+            del self._running[pipe]
+            code = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+            self._on_row(_read_row(content, job, code))
+
+
+def _read_row(content: bytearray, job: Job, code: int) -> Row:
+    if code == 0 and content:
+        return cast("Row", json.loads(content))
+    if code == -signal.SIGALRM:
+        return _failed(job, f"the copy took more than {WALL_LIMIT_S} s")
+    return _failed(job, f"the copy ended with exit code {code}")
+
+
+def _failed(job: Job, problem: str) -> Row:
+    return {
+        "cycle": job[0], "stimulus": job[1], "reaction": problem, "error": problem, "broken": [],
+        "measures": {}, "rest": {}, "digest": "",
+    }  # fmt: skip
+
+
+def drives_of(bench: Bench) -> dict[str, str]:
+    """Return the drive of every axis whose machine is emulated."""
+    return {
+        name: section.drive
+        for name, section in bench.config.axis.items()
+        if section.drive and bench.recorder.has_signal(f"{section.drive}.position")
+    }

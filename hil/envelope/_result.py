@@ -1,0 +1,328 @@
+"""The result of a sweep: branches, worst points, cliffs; as JSON and CSV, and compared with another one."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Final
+
+from fieldbus.errors import ConfigurationError, UnknownNameError
+from hil.envelope._measures import MEASURES, Measure
+from hil.errors import HilError
+
+RESULT_FILE: Final = "envelope.json"
+_FORMAT: Final = 1
+
+
+class EnvelopeFileError(HilError):
+    """A file is no readable envelope."""
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One copy: when it was broken with what, and what came of it."""
+
+    cycle: int
+    """Cycle of the motion, from 0 on."""
+    time_s: float
+    """Time since the start of the motion, s."""
+    stimulus: str
+    reaction: str
+    """Alarms, states and broken rules in words; equal words are the same class of reaction."""
+    measures: Mapping[str, Mapping[str, float]]
+    """By axis and name of the measure; empty where the copy came to no end."""
+    rest: Mapping[str, float]
+    """Where the machine of each axis came to rest, mm or deg."""
+    broken: tuple[str, ...]
+    """Rules that hold in every run and were broken here."""
+    error: str
+    """Why the copy came to no end; empty: it did."""
+    digest: str
+    """Digest of its trace."""
+
+    def value(self, measure: str, axis: str) -> float | None:
+        """Return a measure; None where there is none."""
+        return self.measures.get(axis, {}).get(measure)
+
+
+@dataclass(frozen=True)
+class Cliff:
+    """Two neighbouring instants whose reactions are of different classes."""
+
+    stimulus: str
+    before: Branch
+    after: Branch
+
+    @property
+    def sharp(self) -> bool:
+        """Whether they are one cycle apart."""
+        return self.after.cycle - self.before.cycle == 1
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The greatest value of a measure, and the branch that has it."""
+
+    value: float
+    unit: str
+    axis: str
+    branch: Branch
+
+    def __float__(self) -> float:
+        return self.value
+
+
+@dataclass(frozen=True)
+class EnvelopeDifference:
+    """The worst value of a measure in two envelopes, by stimulus."""
+
+    stimulus: str
+    measure: str
+    axis: str
+    first: float | None
+    second: float | None
+    unit: str
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """What a sweep found."""
+
+    bench: str
+    bench_digest: str
+    motion: str
+    seed: int
+    watch_s: float
+    start_s: float
+    cycle_s: float
+    cycles: int
+    """Cycles of the motion."""
+    stimuli: tuple[str, ...]
+    refused: Mapping[str, str]
+    """Stimuli that the bench cannot take, with the reason."""
+    skipped: int
+    """Branches that were planned and not run, because the budget was used up."""
+    axes: tuple[str, ...]
+    units: Mapping[str, str]
+    """Unit of positions, by axis: mm or deg."""
+    positions: Mapping[str, tuple[float, ...]]
+    """Position of the undisturbed motion at every cycle, by axis."""
+    stops: Mapping[str, tuple[float, float]]
+    """Mechanical end stops by axis, same unit."""
+    branches: tuple[Branch, ...]
+    """Ordered by stimulus and cycle."""
+
+    def unit(self, measure: str, axis: str) -> str:
+        """Return the unit of a measure of an axis."""
+        unit = _known(measure).unit
+        return self.units.get(axis, "") if unit == "position" else unit
+
+    def of(self, stimulus: str) -> list[Branch]:
+        """Return the branches of a stimulus, by time.
+
+        Raises:
+            UnknownNameError: There is no such stimulus.
+
+        """
+        if stimulus not in self.stimuli:
+            raise UnknownNameError("envelope", stimulus, "a stimulus", self.stimuli)
+        return [branch for branch in self.branches if branch.stimulus == stimulus]
+
+    def worst(self, measure: str, *, axis: str | None = None, stimulus: str | None = None) -> Worst:
+        """Return the greatest value of a measure: `assert envelope.worst("stop_distance") < 12.0`.
+
+        Args:
+            measure: `MEASURES` has the names.
+            axis: None: of any axis.
+            stimulus: None: of any.
+
+        Raises:
+            ConfigurationError: There is no such measure, axis or stimulus, or no branch that has it.
+
+        """
+        _known(measure)
+        axes = self.axes if axis is None else (axis,)
+        if axis is not None and axis not in self.axes:
+            raise UnknownNameError("envelope", axis, "an axis", self.axes)
+        found: list[tuple[float, str, Branch]] = [
+            (value, one, branch)
+            for branch in (self.branches if stimulus is None else self.of(stimulus))
+            for one in axes
+            if (value := branch.value(measure, one)) is not None
+        ]
+        if not found:
+            raise ConfigurationError("envelope", measure, "a measure that at least one branch has")
+        value, name, branch = max(found, key=lambda one: one[0])
+        return Worst(value, self.unit(measure, name), name, branch)
+
+    def ranked(self, measure: str, axis: str, most: int = 10) -> list[Branch]:
+        """Return the branches with the greatest values of a measure, the worst of each stimulus first."""
+        _known(measure)
+        per_stimulus = [
+            max(branches, key=lambda one: one.value(measure, axis) or 0.0)
+            for stimulus in self.stimuli
+            if (branches := [b for b in self.of(stimulus) if b.value(measure, axis) is not None])
+        ]
+        return sorted(per_stimulus, key=lambda one: -(one.value(measure, axis) or 0.0))[:most]
+
+    @property
+    def cliffs(self) -> list[Cliff]:
+        """Neighbouring instants between which the class of the reaction changes."""
+        found: list[Cliff] = []
+        for stimulus in self.stimuli:
+            branches = self.of(stimulus)
+            found.extend(
+                Cliff(stimulus, left, right)
+                for left, right in pairwise(branches)
+                if left.reaction != right.reaction
+            )
+        return found
+
+    @property
+    def failures(self) -> list[Branch]:
+        """Branches in which a rule was broken, or which came to no end."""
+        return [branch for branch in self.branches if branch.broken or branch.error]
+
+    def compared(self, other: Envelope) -> list[EnvelopeDifference]:
+        """Return the worst values of the stimuli of both, side by side."""
+        axes = [axis for axis in self.axes if axis in other.axes]
+        return [
+            EnvelopeDifference(
+                stimulus,
+                measure,
+                axis,
+                _worst(self, measure, axis, stimulus),
+                _worst(other, measure, axis, stimulus),
+                self.unit(measure, axis),
+            )
+            for stimulus in dict.fromkeys((*self.stimuli, *other.stimuli))
+            for axis in axes
+            for measure in MEASURES
+        ]
+
+    # -- files
+
+    def to_json(self) -> dict[str, object]:
+        """Return the envelope as JSON values."""
+        return {
+            "format": _FORMAT,
+            "bench": self.bench,
+            "bench_digest": self.bench_digest,
+            "motion": self.motion,
+            "seed": self.seed,
+            "watch_s": self.watch_s,
+            "start_s": self.start_s,
+            "cycle_s": self.cycle_s,
+            "cycles": self.cycles,
+            "stimuli": list(self.stimuli),
+            "refused": dict(self.refused),
+            "skipped": self.skipped,
+            "axes": list(self.axes),
+            "units": dict(self.units),
+            "positions": {axis: list(values) for axis, values in self.positions.items()},
+            "stops": {axis: list(values) for axis, values in self.stops.items()},
+            "branches": [
+                {
+                    "cycle": one.cycle,
+                    "time_s": one.time_s,
+                    "stimulus": one.stimulus,
+                    "reaction": one.reaction,
+                    "measures": {axis: dict(values) for axis, values in one.measures.items()},
+                    "rest": dict(one.rest),
+                    "broken": list(one.broken),
+                    "error": one.error,
+                    "digest": one.digest,
+                }
+                for one in self.branches
+            ],
+        }
+
+    def csv(self) -> str:
+        """Return a row for every branch and axis."""
+        out = io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(["stimulus", "cycle", "time_s", "axis", "position_unit", *MEASURES, "reaction"])
+        for branch in self.branches:
+            for axis in self.axes:
+                values = branch.measures.get(axis, {})
+                writer.writerow(
+                    [branch.stimulus, branch.cycle, f"{branch.time_s:.6f}", axis, self.units.get(axis, "")]
+                    + [f"{values[name]:.6g}" if name in values else "" for name in MEASURES]
+                    + [branch.reaction]
+                )
+        return out.getvalue()
+
+    def save(self, folder: str | Path) -> Path:
+        """Write `envelope.json` and `envelope.csv` into a folder; returns the first."""
+        place = Path(folder)
+        place.mkdir(parents=True, exist_ok=True)
+        (place / "envelope.csv").write_text(self.csv(), encoding="utf-8")
+        file = place / RESULT_FILE
+        file.write_text(json.dumps(self.to_json(), sort_keys=True, indent=1) + "\n", encoding="utf-8")
+        return file
+
+
+def _known(measure: str) -> Measure:
+    if measure not in MEASURES:
+        raise UnknownNameError("envelope", measure, "a measure", MEASURES)
+    return MEASURES[measure]
+
+
+def _worst(envelope: Envelope, measure: str, axis: str, stimulus: str) -> float | None:
+    if stimulus not in envelope.stimuli:
+        return None
+    values = [value for branch in envelope.of(stimulus) if (value := branch.value(measure, axis)) is not None]
+    return max(values, default=None)
+
+
+def load_envelope(path: str | Path) -> Envelope:
+    """Read the `envelope.json` of a folder, or the file itself.
+
+    Raises:
+        EnvelopeFileError: It cannot be read, or is no envelope.
+
+    """
+    file = Path(path)
+    file = file / RESULT_FILE if file.is_dir() else file
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        if content["format"] != _FORMAT:
+            raise EnvelopeFileError(f"{file}: format {content['format']!r} is not {_FORMAT}")
+        return Envelope(
+            bench=content["bench"],
+            bench_digest=content["bench_digest"],
+            motion=content["motion"],
+            seed=content["seed"],
+            watch_s=content["watch_s"],
+            start_s=content["start_s"],
+            cycle_s=content["cycle_s"],
+            cycles=content["cycles"],
+            stimuli=tuple(content["stimuli"]),
+            refused=content["refused"],
+            skipped=content["skipped"],
+            axes=tuple(content["axes"]),
+            units=content["units"],
+            positions={axis: tuple(values) for axis, values in content["positions"].items()},
+            stops={axis: (low, high) for axis, (low, high) in content["stops"].items()},
+            branches=tuple(
+                Branch(
+                    cycle=one["cycle"],
+                    time_s=one["time_s"],
+                    stimulus=one["stimulus"],
+                    reaction=one["reaction"],
+                    measures=one["measures"],
+                    rest=one["rest"],
+                    broken=tuple(one["broken"]),
+                    error=one["error"],
+                    digest=one["digest"],
+                )
+                for one in content["branches"]
+            ),
+        )
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise EnvelopeFileError(f"{file}: no readable envelope: {error}") from error

@@ -1,0 +1,199 @@
+"""Stop envelopes: copies of a running bench, what is measured in them, and what is made of it."""
+
+import json
+
+import pytest
+
+from fieldbus.errors import ConfigurationError
+from hil.cli import main
+from hil.envelope import (
+    Branch,
+    Grid,
+    Stimulus,
+    load_envelope,
+    stimulus_from_text,
+    sweep,
+    witness,
+)
+from hil.errors import CannotRunError
+
+VELOCITY, DECELERATION, JERK = 200.0, 1000.0, 10_000.0
+
+
+def enable(bench):
+    axis = bench.axis()
+    bench.wait_until(axis.power().status, 2.0, "enabled")
+    bench.wait_until(axis.home(0.0, mode=0).done, 1.0, "homed")
+
+
+def move(bench):
+    bench.wait_until(bench.axis().move_absolute(100.0, Velocity=VELOCITY).done, 3.0, "moved")
+
+
+def envelope(*stimuli, **options):
+    return sweep("reference", move, stimuli, **{"before": enable, "every": 100, "watch_s": 0.6, **options})
+
+
+@pytest.mark.exhaustive
+def test_a_copy_is_the_run_that_was_disturbed_there():
+    """Every branch has the trace of the same motion run alone and disturbed in the same cycle, and the
+    number of processes changes nothing.
+    """
+    stimuli = ("drive.fault:code=0x2310", "operator.disable:stop_mode=0")
+    one, two = envelope(*stimuli, jobs=1), envelope(*stimuli, jobs=2)
+    assert one == two
+    assert [branch.cycle for branch in one.of(one.stimuli[0])] == [0, 100, 200, one.cycles - 1]
+    for branch in (one.of(one.stimuli[0])[1], one.of(one.stimuli[1])[1]):
+        alone = witness("reference", move, branch.stimulus, branch.cycle, before=enable, watch_s=0.6)
+        assert alone.trace.digest() == alone.row["digest"] == branch.digest
+        assert alone.row["measures"] == branch.measures
+    assert len({branch.digest for branch in one.branches}) == len(one.branches)
+
+
+@pytest.mark.exhaustive
+def test_the_numbers_are_those_of_the_stop():
+    """MC_Halt at constant velocity takes v/a + a/j and half of v times it; a fault of the drive is another
+    class of reaction.
+    """
+    found = envelope("operator.halt", "drive.fault:code=0x2310")
+    middle = found.of("operator.halt")[1]
+    time = VELOCITY / DECELERATION + DECELERATION / JERK
+    assert middle.value("stop_time", "axis1") == pytest.approx(time, abs=0.05)
+    assert middle.value("stop_distance", "axis1") == pytest.approx(VELOCITY * time / 2.0, rel=0.1)
+    assert middle.value("overshoot", "axis1") == 0.0
+    assert middle.rest["axis1"] == pytest.approx(
+        found.positions["axis1"][100] + middle.value("stop_distance", "axis1"), abs=0.01
+    )
+    assert middle.reaction == "axis1 STANDSTILL"
+    tripped = found.of("drive.fault:code=8976")[1]
+    assert tripped.reaction == "axis1 alarm 421 reaction 4; axis1 ALARM_DISABLED"
+    assert tripped.value("reaction_time", "axis1") < 0.01
+    worst = found.worst("stop_distance")
+    assert (worst.branch, worst.unit, worst.axis) == (
+        found.ranked("stop_distance", "axis1")[0],
+        "mm",
+        "axis1",
+    )
+    assert float(worst) >= middle.value("stop_distance", "axis1")
+    assert not found.failures
+    assert found.stops == {"axis1": (-600.0, 600.0)}
+
+
+@pytest.mark.exhaustive
+def test_a_sweep_goes_on_where_it_was_killed(tmp_path):
+    """Branches are kept as they end; the rest of a cut line is dropped; another envelope is not continued."""
+    whole = envelope("operator.halt", folder=tmp_path)
+    journal = tmp_path / "branches.jsonl"
+    lines = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(b"".join(lines[:3]) + lines[3][:40])
+    done = []
+    again = envelope("operator.halt", folder=tmp_path, resume=True, on_branch=lambda *one: done.append(one))
+    assert again == whole == load_envelope(tmp_path)
+    assert len(done) == len(whole.branches) - 2
+    with pytest.raises(CannotRunError, match="another envelope"):
+        envelope("operator.stop", folder=tmp_path, resume=True)
+    header, *rows = (tmp_path / "envelope.csv").read_text().splitlines()
+    assert header.startswith("stimulus,cycle,time_s,axis,position_unit,stop_distance")
+    assert len(rows) == len(whole.branches)
+
+
+def test_coarse_first_then_where_it_changes():
+    """An adaptive grid asks for the middle of neighbours with other reactions, and of those that bend; on a
+    straight line it asks for nothing.
+    """
+
+    def branch(cycle, reaction, value):
+        return Branch(cycle, 0.0, "s", reaction, {"x": {"stop_distance": value}}, {}, (), "", "")
+
+    grid = Grid(0)
+    assert grid.first(100) == [*range(0, 100, 4), 99]
+    assert Grid(30).first(100) == [0, 30, 60, 90, 99]
+    line = [branch(cycle, "a", float(cycle)) for cycle in (0, 4, 8, 12)]
+    assert grid.next({0: line}) == []
+    assert grid.next({0: [*line, branch(16, "b", 16.0)]}) == [(14, 0)]
+    assert grid.next({0: [*line[:3], branch(12, "a", 20.0)]}) == [(6, 0), (10, 0)]
+    assert Grid(1).next({0: [*line, branch(16, "b", 16.0)]}) == []
+
+
+@pytest.mark.exhaustive
+def test_what_cannot_be_swept_is_refused():
+    """Unknown kinds, values and motions are named with what is near or allowed."""
+    for text, message in (
+        ("drive.fualt", r"'drive.fualt' is not a fault or operator action; similar: drive.fault"),
+        ("operator.disable:stop_mode=7", r"operator.disable.stop_mode: 7 .*0, 1, 2, 3"),
+        ("operator.halt:speed=1", r"operator.halt.speed"),
+        ("drive.fault:code", r"KIND\[@TARGET\]\[:KEY=VALUE,...\]"),
+        ("drive.fault:cod=1", "cod"),
+    ):
+        with pytest.raises(ConfigurationError, match=message):
+            stimulus_from_text(text)
+    assert str(stimulus_from_text("drive.fault@d:code=0x2310")) == "drive.fault@d:code=8976"
+    assert stimulus_from_text("drive.sto:duration_s=0.5") == Stimulus("drive.sto", duration_s=0.5)
+    with pytest.raises(ConfigurationError, match="at least one"):
+        envelope()
+    with pytest.raises(ConfigurationError, match="watch_s"):
+        envelope("operator.halt", watch_s=0.0)
+    with pytest.raises(ConfigurationError, match="every"):
+        envelope("operator.halt", every=-1)
+    with pytest.raises(CannotRunError, match="does not work undisturbed: never"):
+        sweep("reference", lambda bench: bench.wait_until(lambda: False, 0.01, "never"), ["operator.halt"])
+
+
+@pytest.mark.exhaustive
+def test_a_fault_that_the_bench_cannot_have_is_listed():
+    """What a bench cannot inject is no branch; the reason is in the result."""
+    found = envelope("modbus.crc", "operator.halt", every=1000)
+    assert found.stimuli == ("operator.halt",)
+    assert list(found.refused) == ["modbus.crc"]
+    assert "Modbus" in found.refused["modbus.crc"]
+
+
+@pytest.mark.exhaustive
+def test_a_copy_that_fails_is_a_row():
+    """An error in the test code of a copy, or of a rule, is told with its branch; the sweep goes on."""
+
+    def careless(bench):
+        axis = bench.axis()
+        job = axis.move_velocity(100.0)
+        bench.run_for(0.2)
+        if job.Error or job.CommandAborted:
+            raise ZeroDivisionError("careless")
+
+    found = sweep("reference", careless, ["operator.halt"], before=enable, every=20, watch_s=0.3)
+    assert "ZeroDivisionError: careless" in {branch.error for branch in found.branches}
+    assert found.failures
+
+
+@pytest.mark.exhaustive
+def test_command(tmp_path, monkeypatch, capsys):
+    """`hil envelope` writes page, table and values; `--cycle` runs one branch alone; `--against` compares."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ours.py").write_text(
+        "def before(bench):\n    bench.wait_until(bench.axis().power().status, 2.0, 'on')\n"
+        "def motion(bench):\n    bench.axis().move_velocity(50.0)\n    bench.run_for(0.1)\n"
+    )
+    common = [
+        "envelope",
+        "reference",
+        "--motion",
+        "ours.py",
+        "--watch",
+        "0.3",
+        "-x",
+        "operator.disable:stop_mode=2",
+    ]
+    assert main([*common, "--every", "12", "--report", "one", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["branches"] == 3
+    assert answer["worst"]["axis1.stop_distance"]["unit"] == "mm"
+    page = (tmp_path / "one" / "envelope.html").read_text()
+    assert "Plotly.newPlot" in page
+    assert "operator.disable:stop_mode=2" in page
+    assert main([*common, "--cycle", "12", "--report", "one", "--json"]) == 0
+    alone = json.loads(capsys.readouterr().out)
+    (same,) = [b for b in load_envelope("one").branches if b.cycle == 12]
+    assert alone["digest"] == same.digest
+    assert main([*common[:-1], "operator.halt", "--every", "12", "--report", "two", "--against", "one"]) == 0
+    assert "operator.halt, axis1 stop distance: none -> " in capsys.readouterr().err
+    assert main([*common, "--every", "0"]) == 2
+    assert "--every" in capsys.readouterr().err
