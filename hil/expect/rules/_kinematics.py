@@ -150,6 +150,8 @@ def _actual_velocity(axis: AxisView) -> Judged | None:
         return None
     if not axis.off("Sensor[1].ActualVelocityMode") or not axis.off("Sensor[1].Backlash.Enable"):
         return None
+    if not axis.off("VirtualAxis.Mode"):
+        return None  # it measures nothing: its velocity is that of the setpoint
     if _other_encoder(axis):
         return None
     s, v = axis["actual_position"], axis["actual_velocity"]
@@ -172,7 +174,8 @@ ACTUAL_VELOCITY: Final = Rule(
     name="actual velocity",
     says="the actual velocity is the difference of two actual positions by the cycle",
     requirements=("CFG-336",),
-    tolerance="none but rounding; without the velocity of the telegram, and without compensation of backlash",
+    tolerance="none but rounding; without the velocity of the telegram, compensation of backlash, and on no "
+    "virtual axis",
     judge=_actual_velocity,
     excused_by=("encoder.", "telegram.", "controller."),
     recovery_cycles=3,
