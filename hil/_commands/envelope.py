@@ -146,20 +146,20 @@ def envelope_of(
     if "all" in chosen:
         chosen = [*(one for one in chosen if one != "all"), *USUAL[:3], *all_faults()]
     name, motion, before = own_motion(own) if own else usual_motion(axis, to, velocity)
+    if cycle is not None:
+        return _one(
+            bench,
+            motion=motion,
+            before=before,
+            stimuli=chosen,
+            cycle=cycle,
+            seed=seed,
+            watch=watch,
+            report=report,
+            as_json=as_json,
+        )
     with quiet_stdout(as_json):
         file = load_bench_file(bench or None)
-        if cycle is not None:
-            return _one(
-                bench,
-                motion=motion,
-                before=before,
-                stimuli=chosen,
-                cycle=cycle,
-                seed=seed,
-                watch=watch,
-                report=report,
-                as_json=as_json,
-            )
         other = None if against is None else load_envelope(against)
         with CaseProgress(1, "branches") as progress:
             envelope = sweep(
@@ -265,9 +265,9 @@ def _one(
     """Run one branch alone, and keep its trace."""
     if len(stimuli) != 1:
         raise ConfigurationError("--stimulus", ", ".join(stimuli), "exactly one together with --cycle")
-    found = witness(
-        load_bench_file(bench or None), motion, stimuli[0], cycle, before=before, seed=seed, watch_s=watch
-    )
+    with quiet_stdout(as_json):
+        file = load_bench_file(bench or None)
+        found = witness(file, motion, stimuli[0], cycle, before=before, seed=seed, watch_s=watch)
     archive, _ = found.trace.save(report / "witness")
     if as_json:
         print_json({**found.row, "bench": bench, "trace": str(archive)})
