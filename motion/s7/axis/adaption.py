@@ -41,6 +41,8 @@ MOTOR: Final = 108
 REFERENCE_SPEED: Final = 2000
 MAXIMUM_SPEED: Final = 1082
 REFERENCE_TORQUE: Final = 2003
+UPPER_TORQUE: Final = 1520
+LOWER_TORQUE: Final = 1521
 MOTOR_INERTIA: Final = 341
 LOAD_INERTIA: Final = 1498
 ENCODER_FORMAT: Final = 979
@@ -100,7 +102,7 @@ class InvalidValueError(ValueError):
 
 _DRIVE_READS: Final = (
     Read(TELEGRAM, 0, 9), Read(MOTOR, 0, 8), Read(REFERENCE_SPEED, 0, 6), Read(MAXIMUM_SPEED, 0, 2),
-    Read(REFERENCE_TORQUE, 0, 7),
+    Read(REFERENCE_TORQUE, 0, 7), Read(UPPER_TORQUE, 0, 3), Read(LOWER_TORQUE, 0, 4),
 )  # fmt: skip
 
 
@@ -353,7 +355,7 @@ class Adaption:
         self._alarms.raise_alarm(part.alarm, info=cause, text=reason)
 
     def _drive(self, part: _Transfer, values: list[float]) -> dict[str, float]:
-        telegram, motor, _, _, _, *inertias = values
+        telegram, motor, _, _, _, _, _, *inertias = values
         if part.source.telegram_number and telegram != part.source.telegram_number:
             self._alarms.raise_alarm(
                 ALARM_DRIVE_DIFFERS,
@@ -368,6 +370,9 @@ class Adaption:
         references = tuple(
             _positive(values, place, what) for place, what in ((2, "p2000"), (3, "p1082"), (4, "p2003"))
         )
+        for at, name in ((5, "p1520"), (6, "p1521")):
+            if not isfinite(values[at]):
+                raise InvalidValueError(f"{name} = {values[at]:g} is no torque", at)
         if linear:
             place = "Actor.LinearMotorDriveParameter."
             names = ("ReferenceVelocity", "MaxVelocity", "ReferenceForce")

@@ -31,7 +31,15 @@ class ParameterPort(SimulatedDrivePort):
         self.telegram_number = 105
         self.lazy = False
         self.asked = []
-        self.parameters = {(922, 0): 105, (108, 0): 0, (2000, 0): 6000.0, (1082, 0): 4500.0, (2003, 0): 40.0}
+        self.parameters = {
+            (922, 0): 105,
+            (108, 0): 0,
+            (2000, 0): 6000.0,
+            (1082, 0): 4500.0,
+            (2003, 0): 40.0,
+            (1520, 0): 60.0,
+            (1521, 0): -55.0,
+        }
         self.parameters |= {(979, at): value for at, value in FORMAT.items()}
 
     def read_parameter(self, number, index, answer):
@@ -113,7 +121,7 @@ class TestTransfer:
             40.0,
         ]
         assert rig.axis.variables.start_value("Actor.DriveParameter.ReferenceSpeed") == 3000.0
-        assert rig.port.asked == [(922, 0), (108, 0), (2000, 0), (1082, 0), (2003, 0)]
+        assert rig.port.asked == [(number, 0) for number in (922, 108, 2000, 1082, 2003, 1520, 1521)]
 
     @pytest.mark.requirement(
         "CFG-367", "CFG-369", "CFG-370", "CFG-371", "CFG-372", "CFG-373", "CFG-346", "VAR-150", "CFG-375"
@@ -301,6 +309,8 @@ class TestErrors:
             ("Actor", "p2000_0", 102, 6, "p2000"),
             ("Actor", "p1082_0", 102, 2, "p1082"),
             ("Actor", "p2003_0", 102, 7, "p2003"),
+            ("Actor", "p1520_0", 102, 3, "p1520"),
+            ("Actor", "p1521_0", 102, 4, "p1521"),
             ("Actor", "p108_0", 102, 8, "r0108[0]"),
             ("Actor", "p922_0", 102, 9, "p0922"),
             ("Sensor[1]", "p979_1", 103, 2, "p0979[1]"),
@@ -337,6 +347,8 @@ class TestErrors:
             if number == 922
             else 0
             if number == 108
+            else -3000.0
+            if number == 1521
             else 3000.0
         )
         rig.axis.power(False)
@@ -374,6 +386,17 @@ class TestErrors:
         entry = rig.axis.alarms.engine.highest
         assert (entry.number, entry.info) == (102, cause)
         assert "is not above 0" in entry.text
+
+    @pytest.mark.requirement("CFG-623")
+    @pytest.mark.parametrize(("name", "cause"), [("p1520_0", 3), ("p1521_0", 4)])
+    def test_invalid_torque_limits(self, name, cause):
+        """A torque limit that is no number is alarm 102 with its own cause; any number is good."""
+        rig = Rig({"Actor.DataAdaption": 1}, **{name: float("inf")}).run()
+        entry = rig.axis.alarms.engine.highest
+        assert (entry.number, entry.info) == (102, cause)
+        assert "= inf is no torque" in entry.text
+        rig = Rig({"Actor.DataAdaption": 1}, **{name: -3.0}).run()
+        assert rig.axis.var("StatusDrive.AdaptionState") == 2
 
     @pytest.mark.requirement("CFG-623", "CFG-627")
     def test_no_parameter_access(self):
