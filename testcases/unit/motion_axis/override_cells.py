@@ -16,6 +16,7 @@ from motion.kernel.cams import Point
 from motion.s7.axis.override import CELLS, FATES, TABLES, UNDER_INTERPRETER, Cell, OverrideTable
 from motion.s7.cam_handle import CamHandle
 from motion.s7.cams import Cam
+from motion.s7.compatibility import level_of
 from testcases.unit.motion_axis.conftest import CYCLE, Rig
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "reference" / "overriding.md"
@@ -59,8 +60,11 @@ def _gear_in_pos(rig: Rig) -> Any:
     """Synchronise at once, to where the axis is now."""
     rig.leader_at(60.0)
     master, slave = rig.leader.var("Position"), rig.axis.var("Position")
+    profile = 4
+    if level_of(rig.axis.object.cpu).before_v9:  # without profile 4: from a place in the next cycle but one
+        profile, master = 3, master + 1.5 * CYCLE * rig.leader.var("Velocity")
     return rig.axis.gear_in_pos(
-        rig.leader, master, slave, 3, 2, SyncProfileReference=4, MasterStartDistance=60.0
+        rig.leader, master, slave, 3, 2, SyncProfileReference=profile, MasterStartDistance=60.0
     )
 
 
