@@ -12,7 +12,7 @@ same order at every instant that they share, whatever their periods.
 from __future__ import annotations
 
 import time
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable
 from heapq import heapify, heappop, heappush, heapreplace
@@ -58,7 +58,7 @@ class Timer:
         self.cancelled = True
 
 
-class Scheduler(ABC):
+class Scheduler:
     """What a bench component may ask of time.
 
     All times are integer nanoseconds from the start of the bench. Callbacks run in one thread and must not

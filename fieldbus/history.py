@@ -28,6 +28,13 @@ class Event(NamedTuple):
     """Details; keys carry their unit where a bare number would be ambiguous."""
 
 
+class _Listener:
+    """A function that listens."""
+
+    def __init__(self, call: Callable[[Event], None]) -> None:
+        self.call = call
+
+
 class History:
     """Append-only event log.
 
@@ -41,7 +48,7 @@ class History:
         self.events: list[Event] = []
         self.declared: set[str] = set()
         """Kinds that a user's own parts will emit."""
-        self._listeners: list[tuple[Callable[[Event], None]]] = []
+        self._listeners: list[_Listener] = []
 
     def declare(self, *kinds: str) -> None:
         """Announce kinds that a user's own part will emit: a trigger may wait for them from now on."""
@@ -53,8 +60,8 @@ class History:
         """
         event = Event(self._scheduler.now, source, kind, data)
         self.events.append(event)
-        for (listener,) in self._listeners:
-            listener(event)
+        for entry in self._listeners:
+            entry.call(event)
 
     def listen(self, listener: Callable[[Event], None]) -> Callable[[], None]:
         """Call `listener` with every event from now on; returns the function
@@ -65,9 +72,9 @@ class History:
         """
         # A list is never changed, only replaced: a listener may come or go while `emit` goes through the old
         # one.
-        # Every entry is a tuple of its own, so that the same function can listen twice and each ends for
+        # Every entry is an object of its own, so that the same function can listen twice and each ends for
         # itself.
-        entry = (listener,)
+        entry = _Listener(listener)
         self._listeners = [*self._listeners, entry]
 
         def end() -> None:

@@ -35,15 +35,22 @@ LinkHook = Callable[[str, bytes, int], Change | None]
 """
 
 
+class _Entry:
+    """A hook that was added; the same one may be added twice."""
+
+    def __init__(self, hook: LinkHook) -> None:
+        self.hook = hook
+
+
 class Hooks:
     """The hooks of a link, asked in the order in which they came; the first that wants a change has it."""
 
     def __init__(self) -> None:
-        self._entries: list[tuple[LinkHook]] = []
+        self._entries: list[_Entry] = []
 
     def add(self, hook: LinkHook) -> Callable[[], None]:
         """Ask `hook` from now on; returns the function that ends it (harmless to repeat)."""
-        entry = (hook,)
+        entry = _Entry(hook)
         self._entries = [*self._entries, entry]
 
         def end() -> None:
@@ -53,8 +60,8 @@ class Hooks:
 
     def ask(self, sender: str, data: bytes, time_ns: int) -> Change | None:
         """Return the change that is wanted."""
-        for (hook,) in self._entries:
-            change = hook(sender, data, time_ns)
+        for entry in self._entries:
+            change = entry.hook(sender, data, time_ns)
             if change is not None:
                 return change
         return None

@@ -6,7 +6,7 @@ their terms (STP-258 to STP-290); a port of another profile translates (STP-541 
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -56,7 +56,7 @@ SWITCHES: Final = {
 """Bits of `DrivePort.inputs` by the name of the switch."""
 
 
-class DrivePort(ABC):
+class DrivePort:
     """Cyclic coupling of one axis to one drive.
 
     `read` refreshes the attributes from what the bus has brought; `write` sends the outputs of this cycle.
@@ -216,7 +216,7 @@ class DrivePort(ABC):
         """
         raise NotImplementedError
 
-    def set_reference(self, speed_rpm: float, torque_nm: float) -> None:  # noqa: B027 - a connection without shares has nothing to do
+    def set_reference(self, speed_rpm: float, torque_nm: float) -> None:
         """Take over what 100 % of setpoints and actual values mean, where the connection carries shares
         (CFG-273, CFG-275).
 
@@ -237,7 +237,7 @@ class DrivePort(ABC):
         """
         raise NotImplementedError
 
-    def switch_outputs(self, on: bool) -> None:  # noqa: B027 - zeros in `write` are enough where nothing else is sent
+    def switch_outputs(self, on: bool) -> None:
         """Switch the process outputs of the controller on or off; off, all words of the drive are 0, whatever
         `write` says.
         """

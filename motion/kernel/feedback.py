@@ -4,7 +4,7 @@ section 2.14).
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from fractions import Fraction
 from typing import TYPE_CHECKING, Final, Protocol
 
@@ -38,7 +38,7 @@ class EncoderSource(Protocol):
         """Whether an absolute value lies between 0 and the measuring range; else it has a sign."""
 
 
-class Feedback(ABC):
+class Feedback:
     """Position and velocity of an axis from one encoder, real or simulated.
 
     Args:

@@ -4,7 +4,7 @@ the following error (MON-030).
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import deque
 from math import copysign, exp
 from typing import TYPE_CHECKING, Final
@@ -34,7 +34,7 @@ def _cycles(delay: float) -> tuple[int, float]:
     return whole, max(0.0, delay - whole)
 
 
-class PositionControl(ABC):
+class PositionControl:
     """The place of position control in the pipeline: it gets the setpoint of a
     servo cycle and returns a velocity.
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 
 
-class Setpoint(ABC):
+class Setpoint:
     """Position, velocity and acceleration of the present cycle, and a look ahead."""
 
     __slots__ = ("a", "s", "v")

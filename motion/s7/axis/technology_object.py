@@ -14,7 +14,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import count
@@ -189,7 +189,7 @@ class Reset:
         self.done = True
 
 
-class TechnologyObject(ABC):
+class TechnologyObject:
     """Base of axis and external encoder; the module says what is kept over which event.
 
     Args:
@@ -251,7 +251,7 @@ class TechnologyObject(ABC):
         """Modulo range of its positions."""
         return NO_MODULO
 
-    def lead(self) -> None:  # noqa: B027 - nothing by default
+    def lead(self) -> None:
         """Take note that a following axis is interconnected with this object."""
 
     @property
