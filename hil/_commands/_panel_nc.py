@@ -9,12 +9,12 @@ from fieldbus.errors import ConfigurationError
 from hil._commands._panel_words import help_lines, parse
 from motion.nc.blocks import JogMode, MC_Home, MC_Jog, MC_MoveAbsolute, MC_Stop
 from motion.nc.errors import error_text
-from motion.nc.interface import FULL_OVERRIDE, Control, State
 
 if TYPE_CHECKING:
     from hil.bench.bench import Bench
     from motion.nc.blocks import ExecuteBlock
     from motion.nc.handles import NcAxisHandle
+    from motion.nc.online import OnlineView
 
 _AFTER_COMMAND: Final = 4
 """Cycles that pass after a line of a script, so that it has acted when the next one is read."""
@@ -56,7 +56,6 @@ class NcPanelSession:
         self._target = self._axis.position
         self._velocity = float(self._number("axis.manual_velocity_slow"))
         self._dynamics = dict.fromkeys(("Acceleration", "Deceleration", "Jerk"), 0.0)
-        self._lag = [0.0, 0.0]
         self._untrack = bench.on_cycle(self._track)
         unit = self._unit = str(self._axis.read_parameter("axis.unit"))
         self.commands: dict[str, tuple[str, str, Callable[..., object]]] = {
@@ -97,8 +96,6 @@ class NcPanelSession:
         return float(self._axis.object.parameters.cell(key).value)
 
     def _track(self) -> None:
-        error = self._axis.object.following_error
-        self._lag[0], self._lag[1] = min(self._lag[0], error), max(self._lag[1], error)
         if self._stop.ended():
             self._stop.set(Execute=False)
 
@@ -111,66 +108,57 @@ class NcPanelSession:
     # -- what is shown
     # ----------------------------------------------------------------------------------------
 
-    def _length(self, value: float) -> str:
-        """Return a position as the display options of the axis want it (NC-072, NC-073)."""
-        if self._number("axis.display_modulo"):
-            value = self._axis.object.encoder.modulo(value)[1]
-        if self._number("axis.display_position_um"):
-            return f"{value * 1000.0 + 0.0:.1f} u{self._unit}"
-        return f"{value + 0.0:.4f} {self._unit}"
+    @staticmethod
+    def _length(value: float, view: OnlineView) -> str:
+        digits = 1 if view.position_unit.startswith("u") else 4
+        return f"{value + 0.0:.{digits}f} {view.position_unit}"
 
-    def _speed(self, value: float) -> str:
-        if self._number("axis.display_velocity_mm_min"):
-            return f"{value * 60.0 + 0.0:.3f} {self._unit}/min"
-        return f"{value + 0.0:.4f} {self._unit}/s"
+    @staticmethod
+    def _speed(value: float, view: OnlineView) -> str:
+        digits = 3 if view.velocity_unit.endswith("/min") else 4
+        return f"{value + 0.0:.{digits}f} {view.velocity_unit}"
 
-    def _words(self, *bits: tuple[State, str]) -> str:
-        word = self._axis.ref.NcToPlc.StateDWord
-        return ", ".join(text for bit, text in bits if word & bit) or "-"
+    @staticmethod
+    def _words(*flags: tuple[bool, str]) -> str:
+        return ", ".join(text for flag, text in flags if flag) or "-"
 
     def _log_status(self) -> str:
+        view = self._axis.online.view()
         return self._words(
-            (State.OPERATIONAL, "Ready"),
-            (State.HOMED, "Calibrated"),
-            (State.HAS_JOB, "Has Job"),
-            (State.NOT_MOVING, "NOT Moving"),
-            (State.POSITIVE_DIRECTION, "Moving Fw"),
-            (State.NEGATIVE_DIRECTION, "Moving Bw"),
+            (view.ready, "Ready"),
+            (view.calibrated, "Calibrated"),
+            (view.has_job, "Has Job"),
+            (view.not_moving, "NOT Moving"),
+            (view.moving_fw, "Moving Fw"),
+            (view.moving_bw, "Moving Bw"),
         )
 
     def view(self) -> list[str]:
         """Return the online view, a line for each of its fields."""
-        axis, image = self._axis.object, self._axis.ref.NcToPlc
-        written = self._axis.ref.PlcToNc
+        view = self._axis.online.view()
+        low, high = (self._length(value, view).split(" ")[0] for value in (view.lag_min, view.lag_max))
+        lag = f"{view.lag_distance + 0.0:.4f} ({low}, {high}) {view.position_unit}"
         physical = self._words(
-            (State.PROTECTED, "Coupled Mode"),
-            (State.IN_TARGET_POSITION, "In Target Pos."),
-            (State.IN_POSITION_AREA, "In Pos. Range"),
+            (view.coupled, "Coupled Mode"),
+            (view.in_target_position, "In Target Pos."),
+            (view.in_position_range, "In Pos. Range"),
         )
-        enables = [
-            text
-            for bit, text in (
-                (Control.ENABLE, "Controller"),
-                (Control.FEED_PLUS, "Feed Fw"),
-                (Control.FEED_MINUS, "Feed Bw"),
-            )
-            if written.ControlDWord & bit
-        ]
-        low, high = (f"{value + 0.0:.4f}" for value in self._lag)
-        full = self._number("axis.reference_velocity") / 100.0
-        total, share = axis.drive.total / full, axis.drive.control / full
+        enables = self._words(
+            (view.controller, "Controller"), (view.feed_fw, "Feed Fw"), (view.feed_bw, "Feed Bw")
+        )
+        output = f"{view.total_output + 0.0:.2f} / {view.control_output + 0.0:.2f} %"
         return [
-            f"  {'Actual Position':24} {self._length(image.ActPos)}",
-            f"  {'Setpoint Position':24} {self._length(image.SetPos)}",
-            f"  {'Lag Distance (min/max)':24} {image.PosDiff + 0.0:.4f} ({low}, {high}) {self._unit}",
-            f"  {'Actual Velocity':24} {self._speed(image.ActVelo)}",
-            f"  {'Setpoint Velocity':24} {self._speed(image.SetVelo)}",
-            f"  {'Override':24} {min(written.Override / FULL_OVERRIDE, 1.0) * 100.0:.4f} %",
-            f"  {'Total / Control Output':24} {total + 0.0:.2f} / {share + 0.0:.2f} %",
-            f"  {'Error':24} {error_text(image.ErrorCode) if image.ErrorCode else '0'}",
+            f"  {'Actual Position':24} {self._length(view.actual_position, view)}",
+            f"  {'Setpoint Position':24} {self._length(view.setpoint_position, view)}",
+            f"  {'Lag Distance (min/max)':24} {lag}",
+            f"  {'Actual Velocity':24} {self._speed(view.actual_velocity, view)}",
+            f"  {'Setpoint Velocity':24} {self._speed(view.setpoint_velocity, view)}",
+            f"  {'Override':24} {view.override:.4f} %",
+            f"  {'Total / Control Output':24} {output}",
+            f"  {'Error':24} {error_text(view.error) if view.error else '0'}",
             f"  {'Status (log.)':24} {self._log_status()}",
             f"  {'Status (phys.)':24} {physical}",
-            f"  {'Enabling':24} {', '.join(enables) or '-'}",
+            f"  {'Enabling':24} {enables}",
             f"  {'Target':24} {self._target:.4f} {self._unit}, {self._velocity:.4f} {self._unit}/s",
         ]
 
@@ -180,11 +168,11 @@ class NcPanelSession:
 
     def values(self) -> list[str]:
         """Return position, velocity and lag with their units."""
-        image = self._axis.ref.NcToPlc
+        view = self._axis.online.view()
         return [
-            f"position {self._length(image.ActPos)}",
-            f"velocity {self._speed(image.ActVelo)}",
-            f"lag {image.PosDiff + 0.0:.4f} {self._unit}",
+            f"position {self._length(view.actual_position, view)}",
+            f"velocity {self._speed(view.actual_velocity, view)}",
+            f"lag {view.lag_distance + 0.0:.4f} {view.position_unit}",
         ]
 
     def notes(self) -> list[str]:
@@ -294,7 +282,7 @@ class NcPanelSession:
         self._give(self._stop, Deceleration=self._dynamics["Deceleration"], Jerk=self._dynamics["Jerk"])
 
     def _reset(self) -> None:
-        self._lag = [0.0, 0.0]
+        self._axis.online.reset_extremes()
         self._move.set(Execute=False)
         self._axis.reset()
 

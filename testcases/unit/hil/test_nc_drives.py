@@ -9,6 +9,7 @@ from fieldbus.errors import ConfigurationError
 from hil.bench import Bench
 from hil.bench.bench_file import parse
 from motion.nc.process_image import DRIVE_IN
+from motion.nc.retain import StartAbortedError
 
 pytestmark = pytest.mark.exhaustive
 
@@ -341,3 +342,37 @@ def test_analog_drive_with_drift(subtests):
     assert abs(errors[True]) < 0.01
     config = AnalogConfig(analog=AnalogSettings(offset_v=0.1, dead_zone_v=0.2, inverted=True))
     assert [config.speed_rpm(volts) for volts in (0.05, 0.9)] == [0.0, pytest.approx(-300.0)]
+
+
+@pytest.mark.requirement("NC-205", "NC-762")
+def test_retain_data_of_a_bench(tmp_path, subtests):
+    """A bench with a file of retain data finds the position of its axis again at the next start; without the
+    file the axis is not referenced, and Load/Store does not start.
+    """
+
+    def bench(mode):
+        more = (
+            f'[nc]\nretain_file = "{tmp_path / "retain.dat"}"\n[nc.parameters]\n"task.retain_data" = "{mode}"'
+        )
+        return _bench(
+            more=more,
+            enc__reference_system="INCREMENTAL (singleturn absolute)",
+            axis__data_persistence=True,
+        )
+
+    with bench("Load (if available)/Store") as first:
+        x = first.axis("x")
+        first.run_for(0.05)
+        assert not x.homed
+        x.set_position(77.0)
+        first.run_for(0.05)
+    for mode in ("Load/Store", "Load (if available)/Store", "Store only"):
+        with subtests.test(mode), bench(mode) as again:
+            again.run_for(0.05)
+            x = again.axis("x")
+            restored = mode != "Store only"
+            assert x.homed is restored
+            assert x.position == pytest.approx(77.0 if restored else 0.0, abs=0.01)
+    (tmp_path / "retain.dat").write_bytes(b"broken")
+    with pytest.raises(StartAbortedError, match="corrupt"):
+        bench("Load/Store")

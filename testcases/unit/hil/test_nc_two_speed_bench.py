@@ -234,6 +234,23 @@ def test_buffered_commands_and_windows():
     assert refused.ErrorID == 0x4359
 
 
+def test_endless_motion_ends_at_the_software_limit():
+    """Jog of a discrete axis ends at a monitored software limit: it creeps and brakes in front of it."""
+    rig = Rig(
+        device=_Motor,
+        axis={"two_speed": True},
+        ctrl__type="Two speed controller",
+        drv__creep_distance_pos=20.0,
+        drv__braking_distance_pos=1.0,
+        axis__soft_limit_max=60.0,
+        axis__soft_limit_max_enable=True,
+    ).enabled()
+    rig.handle.jog(JogMode.MC_JOGMODE_STANDARD_FAST)
+    rig.cycles(2500)
+    assert rig.axis.position == pytest.approx(59.0, abs=0.1)
+    assert rig.axis.discrete.image[8] == 0x80
+
+
 # -- the emulated motor alone
 
 

@@ -148,6 +148,27 @@ def test_decoupling_with_acceleration(subtests):
             assert slave.axis.motion.v <= 1000.0 + 1e-6
 
 
+@pytest.mark.requirement("NC-095")
+def test_decoupling_above_the_maximum():
+    """A slave that is decoupled above Maximum Velocity is brought below it with the maximum deceleration."""
+    master = Rig()
+    slave = Rig(
+        with_=master, axis__maximum_velocity=500.0, axis__default_jerk=1e6, axis__position_lag_max=500.0
+    )
+    master.enabled()
+    slave.enabled()
+    slave.handle.gear_in(master.handle, 3.0)
+    master.cycles(2)
+    master.until(master.handle.move_velocity(400.0).in_velocity)
+    slave.handle.gear_out()
+    steepest = 0.0
+    for _ in range(100):
+        master.cycles()
+        steepest = max(steepest, -slave.axis.motion.a)
+    assert slave.axis.motion.v == pytest.approx(500.0)
+    assert steepest == pytest.approx(15000.0, rel=0.01)
+
+
 @pytest.mark.requirement("NC-010")
 def test_master_and_slave_change_places():
     """A slave becomes the master of its master while both move: neither velocity steps."""
