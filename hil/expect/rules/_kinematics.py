@@ -155,7 +155,8 @@ def _actual_velocity(axis: AxisView) -> Judged | None:
     if _other_encoder(axis):
         return None
     s, v = axis["actual_position"], axis["actual_velocity"]
-    valid = last_true(_valid_feedback(axis), 2)
+    # Without a drive the velocity setpoint becomes the actual one.
+    valid = last_true(_valid_feedback(axis) & ~axis.simulated, 2)
     rate = np.diff(s, prepend=s[0]) / axis.cycle_s
     off = np.abs(rate - v)
     # Of a count of 32 bits the last digits of the position are rounded, whatever the position is.

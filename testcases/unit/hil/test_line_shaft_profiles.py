@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from hil.bench import load_bench
+from hil.expect import run_checkers
 from hil.record import Trace
+from reports.model import Verdict
 
 pytestmark = pytest.mark.exhaustive
 
@@ -55,6 +57,9 @@ def test_a_line_shaft_moves_alike_on_drives_of_both_profiles():
         min(e.time_ns for e in trace.events if e.kind == "job.active" and e.source == "shaft") * 1e-9
         for trace in (cia402, profidrive)
     ]
+    for trace in (cia402, profidrive):  # a virtual axis among them, whose velocity is its setpoint
+        broken = [check for check in run_checkers(trace) if check.verdict is Verdict.FAILED]
+        assert [f"{check.name}: {check.observed}" for check in broken] == []
     times = np.arange(0.0, 0.9, 0.004)
     for number, name in enumerate(CYLINDERS, 1):
         for signal, tolerance in ((f"{name}.position_setpoint", 1e-6), (f"drive{number}.position", 1e-4)):
