@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Annotated, ClassVar, Final, Literal
 
 from annotated_types import Ge, Le
@@ -54,9 +55,30 @@ class AnalogSettings:
     """Voltages up to this count as none."""
     inverted: bool = False
     """A positive voltage turns in negative direction."""
+    characteristic: tuple[tuple[float, float], ...] = ()
+    """Share of 10 V and share of the reference speed, one after the other, the first rising, with straight
+    lines in between, as a hydraulic valve has it; empty: proportional.
+    """
 
     def __post_init__(self) -> None:
         check_fields(self, "analog drive")
+        points = self.characteristic
+        if points and (len(points) < 2 or any(a[0] >= b[0] for a, b in pairwise(points))):
+            raise ConfigurationError(
+                "analog drive, characteristic", points, "two points or more, the first number rising"
+            )
+
+    def share(self, share: float) -> float:
+        """Return the share of the reference speed that a share of 10 V means."""
+        points = self.characteristic
+        if not points:
+            return share
+        if share <= points[0][0]:
+            return points[0][1]
+        for (x0, y0), (x1, y1) in pairwise(points):
+            if share <= x1:
+                return y0 + (y1 - y0) * (share - x0) / (x1 - x0)
+        return points[-1][1]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +135,8 @@ class AnalogConfig(SpeedKeys, TorqueKeys, Off3Keys):
         if abs(seen) <= analog.dead_zone_v:
             return 0.0
         highest = FULL_SCALE_V * OVERRANGE
-        speed = min(max(seen, -highest), highest) / FULL_SCALE_V * analog.reference_speed_rpm
+        share = analog.share(min(max(seen, -highest), highest) / FULL_SCALE_V)
+        speed = share * analog.reference_speed_rpm
         limit = self.max_speed_rpm
         speed = min(max(speed, -limit), limit)
         return -speed if analog.inverted else speed

@@ -376,3 +376,36 @@ def test_retain_data_of_a_bench(tmp_path, subtests):
     (tmp_path / "retain.dat").write_bytes(b"broken")
     with pytest.raises(StartAbortedError, match="corrupt"):
         bench("Load/Store")
+
+
+@pytest.mark.requirement("NC-759", "NC-353")
+def test_hydraulic_drive_with_a_valve_table(subtests):
+    """An analog drive may have the characteristic of a valve, with dead band and kink; a valve table that
+    undoes it makes the axis follow like a linear one.
+    """
+    text = files("hil.bench.data").joinpath("analog.toml").read_text()
+    head = text[: text.index("[axis.axis1]")]
+    head += (
+        "[drive.drive1.analog]\n"
+        "characteristic = [[-1.0, -1.0], [-0.5, -0.2], [-0.1, 0.0], [0.1, 0.0], [0.5, 0.2], [1.0, 1.0]]\n"
+        "[nc.valve_table.3]\n"
+        "points = [[-1.0, -1.0], [-0.2, -0.5], [-0.001, -0.1], "
+        "[0.0, 0.0], [0.001, 0.1], [0.2, 0.5], [1.0, 1.0]]\n"
+    )
+    errors = {}
+    for table in (0, 3):
+        with subtests.test(table=table):
+            axis = (
+                '[axis.x]\ncontroller = "nc"\ndrive = "drive1"\n[axis.x.parameters]\n"ctrl.pos_kv" = 10.0\n'
+                f'"axis.position_lag_max" = 500.0\n"drv.valve_table_id" = {table}\n'
+            )
+            with Bench(parse(head + axis, "analog.toml")) as bench:
+                x = bench.axis("x")
+                bench.wait_until(x.power().status, 2.0)
+                x.move_velocity(200.0)
+                bench.run_for(1.5)
+                errors[table] = abs(x.object.following_error)
+    assert errors[0] > 5.0
+    assert errors[3] < 1.5
+    with pytest.raises(ConfigurationError, match="rising"):
+        AnalogSettings(characteristic=((0.0, 0.0), (0.0, 1.0)))

@@ -103,7 +103,7 @@ def test_links(subtests):
                 assert not one.soe + one.coe + one.profidrive
 
 
-@pytest.mark.requirement("NC-396", "NC-416", "NC-417", "NC-423", "NC-755")
+@pytest.mark.requirement("NC-396", "NC-416", "NC-417", "NC-423")
 def test_substitutes(subtests):
     """Where the drive does not have an object, the next one of the list takes its place."""
     for image, name, order in _SUBSTITUTES:
@@ -259,3 +259,14 @@ def test_velocity_outputs_by_drive_type(subtests):
             rig.handle.move_velocity(-500.0, Acceleration=1000.0, Jerk=1e7)
             rig.cycles(5)
             assert signed(ProcessImage(rig.axis).drive_outputs()["nDataOut3"], 32) == -500
+
+
+@pytest.mark.requirement("NC-755")
+def test_objects_of_the_emulated_drive(subtests):
+    """The emulated CiA 402 drive has every object that an image may be linked to, substitutes included."""
+    with _bench() as bench:
+        entries = bench.drive("motor").slave.store.entries
+        for one in (*ENCODER_IN, *ENCODER_OUT, *DRIVE_IN, *DRIVE_OUT):
+            for name in one.coe:
+                with subtests.test(name):
+                    assert int(name[:4], 16) << 8 in entries

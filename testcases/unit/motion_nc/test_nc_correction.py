@@ -149,7 +149,7 @@ def test_positive_backlash():
     assert rig.device.load == pytest.approx(80.0, abs=0.02)
 
 
-@pytest.mark.requirement("NC-589", "NC-591", "NC-590", "NC-786", "NC-761")
+@pytest.mark.requirement("NC-589", "NC-591", "NC-590", "NC-786")
 def test_negative_and_neutral_backlash():
     """Negative: the load travels too far by the play, and the same function with the other sign compensates
     it; neutral: the loop drives through the play by itself.

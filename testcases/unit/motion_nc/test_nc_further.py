@@ -429,7 +429,7 @@ def test_limits_and_what_passes_them():
     assert rig.handle.error_id == 0
 
 
-@pytest.mark.requirement("NC-585", "NC-034")
+@pytest.mark.requirement("NC-585")
 def test_external_steps():
     """Setpoints from outside may be faster than Maximum Velocity; a step beyond it by more than 10 % is
     passed on with a warning, and the lag monitoring catches it.

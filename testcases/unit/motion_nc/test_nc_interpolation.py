@@ -237,7 +237,7 @@ def _run_override(kind, override, way=40.0, feed=400.0, rapid=2000.0):
     return pair.run().speeds
 
 
-@pytest.mark.requirement("NC-038", "NC-035")
+@pytest.mark.requirement("NC-035")
 def test_stop_of_a_group():
     """A stop of one axis brakes the whole group on its path; commands are refused, PTP mode is off."""
     pair = _Pair()

@@ -257,7 +257,7 @@ class _Valve(Plant):
         self.velocity = 2200.0 * share * abs(share)
 
 
-@pytest.mark.requirement("NC-370", "NC-759")
+@pytest.mark.requirement("NC-370")
 def test_hydraulic_axis():
     """Through its table a hydraulic axis can be handled like a servo axis: the following error is that of a
     linear one.
