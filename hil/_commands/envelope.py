@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
-import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import ConfigurationError, UnknownNameError
+from hil._commands.durations import parse_duration
 from hil._commands.terminal import CaseProgress, console, print_json, quiet_stdout
 from hil.campaign import load_bench_file
 from hil.envelope import MEASURES, Envelope, load_envelope, stimulus_from_text, sweep, witness
@@ -22,23 +22,7 @@ if TYPE_CHECKING:
 
 USUAL: Final = ("operator.disable", "operator.halt", "operator.stop", "drive.fault:code=0x2310", "drive.sto")
 """Stimuli where none are given."""
-_TIME: Final = re.compile(r"(\d+(?:\.\d+)?)(s|m|h)")
 Body = Callable[["Bench"], object]
-
-
-def parse_budget(text: str) -> float | None:
-    """Return a time in s: `90s`, `10m`, `1h`; empty: no limit.
-
-    Raises:
-        ConfigurationError: It is no such time.
-
-    """
-    if not text:
-        return None
-    match = _TIME.fullmatch(text)
-    if match is None:
-        raise ConfigurationError("--budget", text, "a time such as 90s, 10m or 1h")
-    return float(match[1]) * {"s": 1.0, "m": 60.0, "h": 3600.0}[match[2]]
 
 
 def parse_every(text: str) -> int:
@@ -171,7 +155,7 @@ def envelope_of(
                 seed=seed,
                 watch_s=watch,
                 jobs=jobs,
-                budget_s=parse_budget(budget),
+                budget_s=parse_duration("--budget", budget) or None,
                 folder=report,
                 resume=resume,
                 name=name,

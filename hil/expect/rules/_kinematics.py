@@ -150,8 +150,6 @@ def _actual_velocity(axis: AxisView) -> Judged | None:
         return None
     if not axis.off("Sensor[1].ActualVelocityMode") or not axis.off("Sensor[1].Backlash.Enable"):
         return None
-    if not axis.off("VirtualAxis.Mode"):
-        return None  # it measures nothing: its velocity is that of the setpoint
     if _other_encoder(axis):
         return None
     s, v = axis["actual_position"], axis["actual_velocity"]

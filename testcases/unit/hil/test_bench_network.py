@@ -17,7 +17,6 @@ from fieldbus.clock import MS, S
 from hil.bench import BenchFile
 from hil.errors import BlockedError, ConfigurationError
 from hil.faults import Injector, frame, state
-from motion.drives.cia402 import CommissioningError
 
 TWO_AXES = """
 [bench]
@@ -118,7 +117,9 @@ def test_another_drive_than_in_the_bench_file_blocks(key):
 
 
 def test_refused_parameter_is_named(monkeypatch):
-    """A drive that refuses a parameter is reported with object, value and the reason in words."""
+    """A drive that refuses a parameter is reported with object, value, the reason in words, and what is done
+    instead; one that a controller can do without does not end the start.
+    """
     original = CiA402Drive.power_on
 
     def strict(drive):
@@ -126,10 +127,15 @@ def test_refused_parameter_is_named(monkeypatch):
         original(drive)
 
     monkeypatch.setattr(CiA402Drive, "power_on", strict)
-    with pytest.raises(
-        CommissioningError, match=r"drive1 \(node 5\) refuses 1006h:0 = 4000 \(FA0h\): 06090031h"
-    ):
-        two_axes()
+    with two_axes() as bench:
+        refused = [entry.data for entry in bench.history.select(kind="node.refused")]
+    assert [(one["name"], one["object"], one["value"]) for one in refused] == [
+        ("drive1", "1006h:0", 4000),
+        ("drive2", "1006h:0", 4000),
+    ]
+    assert {(one["reason"], one["instead"]) for one in refused} == {
+        ("06090031h value too high", "left as it is")
+    }
 
 
 def absent(monkeypatch, name: str) -> None:

@@ -260,7 +260,7 @@ def test_the_story_tells_instructions_faults_observations_and_checks_in_order():
     texts = [(step.kind, step.text) for step in result.story]
     order = [
         ("do", "move"),
-        ("inject", "drive.fault on drive1 applied (code 2310h)"),
+        ("inject", "drive.fault on drive1 applied (code 2310h, momentary True)"),
         ("observe", "axis1: MOTION -> ALARM_DRIVE_STOP"),
         ("expect", "Alarm 421 came 4 ms after the fault"),
     ]

@@ -23,6 +23,7 @@ from hil.expect import (
     disabled,
     event,
     event_order,
+    follows,
     happens,
     job_output,
     never,
@@ -83,6 +84,10 @@ def speed_at(time_s, begin_s=HIT_S):
         time_s < begin_s, SPEED, np.where(after >= STOP.time_s, 0.0, np.interp(after, fine, speeds))
     )
     return speed, -slope, SPEED * np.minimum(time_s, begin_s) + np.interp(after, fine, travel)
+
+
+TRAVEL = float(speed_at(np.array(1.0))[2] - speed_at(np.array(HIT_S))[2])
+"""Way of the axis after the fault."""
 
 
 def rows(name, columns, begin_s=0.0, end_s=1.0, enums=None):
@@ -205,6 +210,10 @@ EDGES = {
     "telegram_bits": (
         telegram_bits("axis1.stw1", ones=0x02, zeros=0x04, at=HIT, for_s=0.1),
         telegram_bits("axis1.stw1", ones=0x02, zeros=0x04, at=HIT, for_s=0.100001),
+    ),
+    "follows": (
+        follows("axis1", "axis1", 1.1, since=HIT, tolerance=TRAVEL / 10 * (1 + 1e-9)),
+        follows("axis1", "axis1", 1.1, since=HIT, tolerance=TRAVEL / 10 * (1 - 1e-9)),
     ),
     "settles_within": (
         settles_within("axis1.actual_velocity", 0.0, tolerance=0.0, within_s=0.252, since=HIT),

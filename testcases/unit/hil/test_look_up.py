@@ -1,6 +1,7 @@
 """Looking things up: `hil variables`, `hil faults NAME`, `hil benches`, `hil --version`, completion."""
 
 import json
+import re
 import subprocess
 import sys
 from importlib.metadata import version
@@ -94,9 +95,11 @@ def test_benches_are_listed_and_shown(capsys):
 
 
 def test_version(capsys):
-    """`hil --version` prints the version of the distribution."""
+    """`hil --version` prints the version of the distribution, and whether its core is compiled."""
     assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"motion-hil {version('motion-hil')}\n"
+    assert re.fullmatch(
+        rf"motion-hil {re.escape(version('motion-hil'))}, (pure|compiled)\b.*\n", capsys.readouterr().out
+    )
 
 
 @pytest.mark.exhaustive
