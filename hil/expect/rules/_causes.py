@@ -335,8 +335,8 @@ _EVENTS: Final = (
 
 def _unfounded_events(drive: DriveView) -> Judged | None:
     begin_s = _first_disturbance(drive)
-    if drive.axis is not None and drive.axis.simulated.any():
-        return None  # nobody leads the drive
+    if drive.axis is None or drive.axis.simulated.any():
+        return None  # nobody leads the drive, or a case does with frames of its own
     found = []
     taken_s = _taken_over_s(drive)
     for entry in drive.whole.events.of(drive.name, *_EVENTS):
@@ -365,7 +365,7 @@ def _taken_over_s(drive: DriveView) -> float:
 
 UNFOUNDED_EVENTS: Final = Rule(
     name="faults of the drive",
-    says="a drive trips, reports an error or is lost only after a fault or a change of the controller",
+    says="a drive that an axis leads trips, errs or is lost only after a fault or a change of the controller",
     requirements=("C402-026", "PD-133"),
     tolerance="none",
     judge=_unfounded_events,
