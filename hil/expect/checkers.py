@@ -16,6 +16,7 @@ from fieldbus.history import Event
 from hil.expect._base import pending_alarms
 from hil.expect._log_rules import check_log_signs_of_life, check_log_words
 from hil.expect._motion_rules import check_motion_while_disabled, check_setpoint_continuity
+from hil.expect._nc_rules import check_nc_axes
 from hil.expect._profidrive_rules import (
     check_profidrive_sign_of_life,
     check_profidrive_stops,
@@ -374,6 +375,7 @@ ALWAYS_ON: Final[tuple[Checker, ...]] = (
     check_log_words,
     check_log_signs_of_life,
     check_synchronous_operation,
+    check_nc_axes,
     judge,
 )
 """The checkers that judge every case."""

@@ -1,0 +1,75 @@
+"""Always-on rules about NC axes: each passes on a sound run, and fails when signals contradict each other."""
+
+import numpy as np
+import pytest
+
+from hil.expect import run_checkers
+from hil.expect._nc_rules import NC_RULES, check_nc_axes
+from hil.record import Trace, TraceGroup
+from reports.model import Verdict
+
+COLUMNS = ("set_velocity", "output", "error_code", "state_dword", "op_mode_dword")
+TIMES = np.arange(10, dtype=np.int64) * 2_000_000
+
+
+def trace(**changed):
+    """Return ten cycles: standing, moving forward, in error, reset; `changed` replaces columns."""
+    moving = np.array([0, 0, 1, 1, 1, 0, 0, 0, 0, 0])
+    error = np.array([0, 0, 0, 0, 0, 1, 1, 1, 0, 0])
+    columns = {
+        "set_velocity": 50.0 * moving,
+        "output": 0.1 * moving,
+        "error_code": 0x4550 * error,
+        "state_dword": (1 - error) + 4 * (1 - moving) + 512 * moving + (error.astype(np.int64) << 31),
+        "op_mode_dword": np.arange(250, 260) % 256 << 24,
+    }
+    columns |= changed
+    values = np.column_stack([columns[name] for name in COLUMNS]).astype(float)
+    group = TraceGroup("x", tuple((name, "") for name in COLUMNS), {}, TIMES, values)
+    return Trace([group], events=(), constants={}, end_ns=int(TIMES[-1]), vocabulary=None)
+
+
+def verdicts(found):
+    """Return the names of the rules that fail."""
+    checks = check_nc_axes(found)
+    return [check.name.removesuffix(" of x") for check in checks if check.verdict is Verdict.FAILED]
+
+
+def at(index, value, column):
+    """Return a column of the sound run with another value in one cycle."""
+    sound = trace()[f"x.{column}"].values.copy()
+    sound[index] = value
+    return {column: sound}
+
+
+def test_a_sound_run_breaks_no_rule():
+    """Every rule judges the axis and holds, and they are among those that judge every case."""
+    assert verdicts(trace()) == []
+    names = {check.name for check in run_checkers(trace())}
+    assert {f"{rule.name} of x" for rule in NC_RULES} <= names
+
+
+@pytest.mark.parametrize(
+    ("changed", "broken"),
+    [
+        ({"error_code": np.zeros(10)}, "error code and status"),
+        (at(6, 0.2, "output"), "shut down in error"),
+        (at(6, 1.0, "set_velocity"), "shut down in error"),
+        (at(6, 1.0, "set_velocity"), "no motion without enable"),
+        (at(3, -50.0, "set_velocity"), "direction of motion"),
+        (at(1, 3.0, "set_velocity"), "NotMoving"),
+        (at(4, 0, "op_mode_dword"), "cycle counter"),
+    ],
+)
+def test_what_breaks_a_rule(changed, broken):
+    """A column that contradicts the others is noticed by its rule."""
+    assert broken in verdicts(trace(**changed))
+
+
+def test_a_reset_may_be_one_cycle_ahead():
+    """MC_Reset clears the code behind the image of its cycle; two cycles are a contradiction."""
+    code = trace()["x.error_code"].values.copy()
+    code[7] = 0
+    assert "error code and status" not in verdicts(trace(error_code=code))
+    code[6] = 0
+    assert "error code and status" in verdicts(trace(error_code=code))
