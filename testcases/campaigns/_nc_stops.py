@@ -120,7 +120,7 @@ def _brake(ctx: CaseContext, facts: Stop, phase: str, running: Any) -> None:
     words = "".join(f", {key} {value:g}" for key, value in inputs.items())
     ctx.do(f"MC_{facts.block.capitalize()}{words}")
     block = axis.stop(**inputs) if facts.block == "stop" else axis.halt(**inputs)
-    ctx.run_for(1.2 + settle_s(ctx))
+    ctx.run_for(1.2 + cycles(ctx, 50) + settle_s(ctx))
     ended = ctx.now_s
     at_rest(ctx, ended)
     ctx.expect(no_axis_error(axis=name))

@@ -7,6 +7,7 @@ import re
 
 import pytest
 
+from hil._commands.fuzz import fuzz_bench
 from hil._commands.run import RunRequest, list_cases, run_campaigns
 from hil.errors import CannotRunError
 from reports.html.makes import side_by_side
@@ -116,3 +117,20 @@ def test_makes_that_there_are_not(tmp_path, capsys):
     capsys.readouterr()
     assert list_cases(RunRequest(paths=("stop_modes",), bench=str(bench), as_json=True)) == 0
     assert all(case["identifier"].endswith("@nc") for case in json.loads(capsys.readouterr().out))
+
+
+def test_generated_programs_are_for_technology_objects(tmp_path):
+    """`hil fuzz` on a bench of NC axes says that it cannot, in place of running nothing."""
+    with pytest.raises(CannotRunError, match="those of an NC"):
+        fuzz_bench(
+            bench="nc-axes:reference",
+            cases=1,
+            seed=0,
+            steps=3,
+            configurations=None,
+            axes=1,
+            jobs=1,
+            corpus=None,
+            report=tmp_path,
+            as_json=True,
+        )
