@@ -31,6 +31,7 @@ from hil.expect import (
     value_at,
     word_sequence,
 )
+from hil.faults import Injector
 from hil.logs import read_bus_log, trace_of_log
 from reports.html.packing import unpacked
 from reports.model import Verdict
@@ -43,7 +44,7 @@ TRIP = event("drive.fault", "drive1")
 @pytest.fixture(scope="module")
 def case():
     """The trace of a case on the reference bench: the drive trips in motion."""
-    return run_case("reference", lambda bench: bench.drive().raise_fault(0x2310))
+    return run_case("reference", lambda bench: Injector(bench).inject("drive.fault", code=0x2310))
 
 
 def run_case(name, disturb):
