@@ -96,8 +96,12 @@ def serve_ads(reference: str, *, host: str, port: int, net: str, seed: int, dura
 def _run(bench: Bench, clock: Scheduler, ended: Callable[[], bool], duration_s: float) -> None:
     """Let time pass; a virtual bench follows the clock of this machine."""
     begin_ns, bench_ns = clock.now, bench.scheduler.now
+    forgotten_ns = 0
     while not ended():
         passed_ns = clock.now - begin_ns
+        if passed_ns - forgotten_ns >= S:  # nobody asks for the recording
+            bench.recorder.forget()
+            forgotten_ns = passed_ns
         if passed_ns >= duration_s * S:
             return
         if clock is bench.scheduler:

@@ -111,6 +111,10 @@ class Group:
 
         return read
 
+    def forget(self) -> None:
+        """Drop all rows but the newest ones."""
+        self._chunks.clear()
+
     def content(self) -> bytes:
         """Return all rows, little endian: one 64-bit time in ns and one float64 per column."""
         return b"".join([*self._chunks, memoryview(self._buffer)[: self._offset]])
@@ -173,6 +177,16 @@ class Recorder:
         if not name or name in self._buses:
             raise ConfigurationError("recorder bus", name, "a new name")
         self._buses[name] = log if callable(log) else lambda: log
+
+    def forget(self) -> None:
+        """Drop what is recorded so far, of a bench that runs on and on and is not judged."""
+        for group in self._groups.values():
+            group.forget()
+        for log in self._buses.values():
+            entries = log()
+            if isinstance(entries, list):
+                entries.clear()
+        self.history.events.clear()
 
     def set_constant(self, name: str, value: float) -> None:
         """Note a fact of the bench (`axis1.max_deceleration`) that a judge of the trace needs."""

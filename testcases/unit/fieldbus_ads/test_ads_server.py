@@ -100,6 +100,10 @@ def test_an_axis_by_its_symbols():
         bench.wait_until(lambda: plc.read(done.offset, 1) == b"\1", 2.0)
         actual = plc.find("GVL.axis1.NcToPlc.ActPos")
         assert struct.unpack("<d", plc.read(actual.offset, 8))[0] == pytest.approx(10.0, abs=0.1)
+        assert bench.history.events
+        bench.recorder.forget()  # what `hil emulate --ads` does every second
+        assert not bench.history.events
+        assert not bench.trace().raw_frames("can0")
         assert ports[851].control(AdsState.STOP) == 0
         bench.run_for(0.1)
         assert not axis.operational
