@@ -68,7 +68,6 @@ _BY_VELOCITY: Final = ("MC_MoveVelocity", "MC_MoveJog", "MC_MotionInVelocity")
 PHASES: Final = ("none", "waiting", "synchronising", "synchronous", "desynchronising", "simulated")
 """Phases of synchronous operation, by their number in a recording."""
 _NONE, _WAITING, _SYNCHRONISING, _SYNCHRONOUS, _DESYNCHRONISING, _SIMULATED = range(len(PHASES))
-_NO_LEADING_VALUE: Final = (nan, nan, nan, nan, nan, nan)
 
 # Names of the module, because in every cycle an attribute of an enumeration would cost more than what is done
 # with it.
@@ -525,7 +524,7 @@ class MotionControl:
         if job is None or job.coupling is None:
             entering = self.entering
             if entering is None or entering.entry is None:
-                return (*_NO_LEADING_VALUE, _NONE)
+                return (nan, nan, nan, nan, nan, nan, _NONE)
             leading = entering.entry.leading
             return (
                 leading.position,
