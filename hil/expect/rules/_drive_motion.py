@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from hil.expect.rules._definition import Flags, Judged, Rule, spread
+from hil.expect.rules._definition import Flags, Judged, Rule, last_true, spread
 from hil.expect.rules._views import DriveView
 
 _WRAP: Final = 2.0**32
@@ -132,4 +132,50 @@ ENCODER: Final = Rule(
     recovery_cycles=3,
 )
 
-DRIVE_RULES: Final[tuple[Rule[DriveView], ...]] = (MECHANICS, GEAR, ENCODER)
+_STOPS: Final = (
+    ("quick_stop_active", "off3_ramp_s"),
+    ("s5_quick_stop", "off3_ramp_s"),
+    ("s5_ramp_stop", "off1_ramp_s"),
+)
+"""States in which a drive brakes by itself, and the time from its greatest speed to 0."""
+
+
+def _stop_of_drive(drive: DriveView) -> Judged | None:
+    if not drive.has("velocity_demand", "state") or len(drive.time_s) < 4:
+        return None
+    top = drive.number("max_speed_rpm")
+    if not top or drive.axis is None:
+        return None  # a case that leads the drive itself may have given it other ramps
+    demand = drive["velocity_demand"]
+    change = np.abs(np.diff(demand, prepend=demand[0])) / drive.whole.cycle_s
+    judged, wanted = np.zeros(len(demand), dtype=bool), np.zeros(len(demand))
+    for state, name in _STOPS:
+        ramp_s = drive.number(name)
+        if not ramp_s:
+            continue
+        # Between the first whole cycle of the ramp and the last one before it ends.
+        inside = last_true(drive.in_states(state), 2) & _steady_grid(drive)
+        inside[1:] &= demand[:-1] != 0.0
+        inside &= demand != 0.0
+        inside[:-1] &= demand[1:] != 0.0
+        judged |= inside
+        wanted[inside] = top / ramp_s
+    return Judged(
+        drive.time_s,
+        judged,
+        judged & (np.abs(change - wanted) > 0.01 * wanted),
+        lambda at: f"it brakes with {change[at]:.5g} rpm/s, its ramp has {wanted[at]:.5g} rpm/s",
+    )
+
+
+STOP_OF_DRIVE: Final = Rule(
+    name="ramp of a stop of the drive",
+    says="a drive that stops by itself brakes by the ramp of the bench file: OFF1, OFF3 or quick stop",
+    requirements=("STP-311", "C402-011", "PD-116"),
+    tolerance="1 %",
+    judge=_stop_of_drive,
+    excused_by=("drive.", "safety.", "controller."),
+    recovery_s=1.0,
+)
+
+DRIVE_RULES: Final[tuple[Rule[DriveView], ...]] = (MECHANICS, GEAR, ENCODER, STOP_OF_DRIVE)

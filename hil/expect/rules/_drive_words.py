@@ -423,6 +423,35 @@ EMCY_FRAMES: Final = Rule(
     recovery_s=1.0,
 )
 
+
+def _acknowledged(drive: DriveView) -> Judged | None:
+    if not drive.has("controlword", "statusword", "state"):
+        return None
+    bit = drive.word("controlword") & 1 << 7 != 0
+    edge = np.zeros(len(bit), dtype=bool)
+    edge[1:] = bit[1:] & ~bit[:-1]
+    near = spread(edge, 2, 2)
+    found = []
+    for entry in drive.whole.events.of(drive.name, "drive.state"):
+        states = str(entry.data.get("from", "")).lower(), str(entry.data.get("to", "")).lower()
+        at = drive.index_of(entry.time_ns)
+        if states != ("fault", "switch on disabled") or not 2 <= at < len(bit) - 2:
+            continue
+        text = "" if near[at] else "the fault is reset without an edge of bit 7 of the controlword"
+        found.append((entry.time_ns * 1e-9, text))
+    return Judged.of_list(found) if found else None
+
+
+ACKNOWLEDGED: Final = Rule(
+    name="reset of faults",
+    says="a CiA 402 drive leaves Fault by a rising edge of bit 7 of its controlword alone",
+    requirements=("C402-015", "C402-016"),
+    tolerance="two samples",
+    judge=_acknowledged,
+    excused_by=("can.", "frame.", "drive.boot", "drive.sync", "controller."),
+    recovery_cycles=5,
+)
+
 DRIVE_RULES: Final[tuple[Rule[DriveView], ...]] = (
     STATE_WORD,
     WARNING_BIT,
@@ -434,4 +463,5 @@ DRIVE_RULES: Final[tuple[Rule[DriveView], ...]] = (
     ZSW1_BRAKE,
     EMCY_REGISTER,
     EMCY_FRAMES,
+    ACKNOWLEDGED,
 )

@@ -45,6 +45,12 @@ def _drive_around(bench: Bench) -> Trace:
     bench.wait_until(stop.done, timeout=2.0)
     stop.set(Execute=False)
     bench.run_for(0.1)
+    axis.move_velocity(90.0)
+    bench.run_for(0.3)
+    axis.power(False, stop_mode=1)
+    bench.run_for(0.4)
+    axis.power()
+    bench.run_for(0.3)
     fault = Injector(bench).inject("drive.fault", bench.drive().name, code=0x2310)
     bench.run_for(0.3)
     fault.remove()
@@ -167,6 +173,8 @@ EDITS: Final[Mapping[str, _Edit]] = {
     "brake in ZSW1": _Edit("drive1.drive_zsw1", _bits(flip=1 << 12), bench="profidrive"),
     "error register": _Edit(event=_detail("emcy.raised", register=0x09)),
     "EMCY": _Edit(event=_detail("emcy.raised", code=0x2320)),
+    "ramp of a stop of the drive": _Edit("drive1.velocity_demand", _times(1.05)),
+    "reset of faults": _Edit("drive1.controlword", _bits(clear=1 << 7)),
     "faults of the drive": _Edit(event=_without_faults),
     "end of operation": _Edit(event=_without_faults),
 }
