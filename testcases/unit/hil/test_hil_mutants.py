@@ -325,7 +325,7 @@ def test_a_red_baseline_stops_everything(capsys):
     [
         (["no-such-defect"], "no mutant 'no-such-defect'"),
         (["off2-as-off1"], "did you mean"),
-        (["--area", "kitchen"], "cia402, profidrive, axis, machine, bus"),
+        (["--area", "kitchen"], "cia402, profidrive, axis, nc, machine, bus"),
         (["--catalogue", "nowhere:X"], "nowhere"),
         (["--catalogue", "nowhere.py"], "there is no file"),
         (["--catalogue", f"{TOY}:NO_LIST"], "no list"),
