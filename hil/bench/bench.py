@@ -188,7 +188,9 @@ class Bench:
         self._segments.modbus[segment].attach(name, device)
 
     def _note_numbers(self) -> None:
-        """Note the numbers of the drives, for judges of the trace."""
+        """Note the numbers of the drives, for judges of the trace, and whether time is real."""
+        if self.kind == "live":
+            self.recorder.set_constant("bench.live", 1.0)
         for name, section in self.config.drive.items():
             for key, value in numbers_of_drive(section, self.config.bench).items():
                 self.recorder.set_constant(f"{name}.{key}", value)

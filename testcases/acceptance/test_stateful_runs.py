@@ -230,5 +230,5 @@ class RunsOfACampaign(RuleBasedStateMachine):
         assert run.shard == ("/".join(map(str, self.shard)) if self.shard else "")
 
 
-RunsOfACampaign.TestCase.settings = settings(max_examples=5, stateful_step_count=6, deadline=None)
+RunsOfACampaign.TestCase.settings = settings(max_examples=4, stateful_step_count=6, deadline=None)
 TestRunsOfACampaign = RunsOfACampaign.TestCase

@@ -6,6 +6,7 @@ import pytest
 from fieldbus.history import Event
 from hil.bench import load_bench
 from hil.expect import ALWAYS_ON, run_checkers
+from hil.expect._nc_rules import check_nc_axes
 from hil.expect._setpoint_rules import (
     check_acceleration_setpoint,
     check_position_continuity,
@@ -93,6 +94,7 @@ def test_a_good_run_breaks_no_rule(good):
             check_position_continuity,
             check_stop_travel,
             check_synchronous_operation,
+            check_nc_axes,
             judge,
         )
         name = checker.__name__
