@@ -28,8 +28,8 @@ INPUTS = {
     "modbus_client": 100,
     "modbus_drive": 80,
 }
-"""Inputs per target in the test suite, about a quarter of a second each; `python -m testcases.fuzz run` for as many
-as wanted.
+"""Inputs per target in the test suite, about a quarter of a second each; `python -m testcases.fuzz run` for
+as many as wanted.
 """
 
 
