@@ -108,8 +108,8 @@ def install() -> None:
     if wrong:
         _State.reason = wrong
         if wanted == COMPILED:
-            raise ImportError(f"{VARIABLE}=compiled, and {wrong}; ./run compile makes it anew")
-        print(f"motion-hil: running pure: {wrong}; ./run compile makes it anew", file=sys.stderr)  # noqa: T201
+            raise ImportError(f"{VARIABLE}=compiled, and {wrong}; ./run compile builds it again")
+        print(f"motion-hil: running pure: {wrong}; ./run compile builds it again", file=sys.stderr)  # noqa: T201
         return
     sys.meta_path.insert(0, CoreFinder(folder, manifest["modules"]))
     _State.kind = COMPILED

@@ -1,5 +1,5 @@
-"""An ADS device: requests of a connection in, answers and notifications out. It knows neither sockets nor
-time other than the one that it is told.
+"""An ADS device: requests of a connection in, answers and notifications out. It knows no sockets and no
+clock: the caller passes the time.
 """
 
 from __future__ import annotations

@@ -26,7 +26,6 @@ from hil.envelope._measures import (
     measure,
     motion_range,
     reaction_class,
-    rest_place,
     unit_of,
 )
 from hil.errors import CannotRunError
@@ -310,16 +309,15 @@ class Branching:
         broken = []
         if self._rules:
             broken = [check for check in run_checkers(trace) if check.verdict is Verdict.FAILED]
+        found = {axis: measure(trace, drive, at_s, course.ranges[axis]) for axis, drive in drives.items()}
         row: Row = {
             "cycle": cycle,
             "stimulus": number,
             "reaction": problem or reaction_class(trace, list(drives), at_s, broken),
             "error": problem,
             "broken": [f"{check.name}: {check.observed}" for check in broken],
-            "measures": {
-                axis: measure(trace, drive, at_s, course.ranges[axis]) for axis, drive in drives.items()
-            },
-            "rest": {axis: rest_place(trace, drive, at_s) for axis, drive in drives.items()},
+            "measures": {axis: measures for axis, (measures, _) in found.items()},
+            "rest": {axis: place for axis, (_, place) in found.items()},
             "digest": trace.digest(),
         }
         return row, trace

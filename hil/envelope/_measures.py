@@ -77,36 +77,29 @@ def display_factor(unit: str) -> float:
     return _DISPLAYED.get(unit, (1.0, unit))[0]
 
 
-def rest_place(trace: Trace, drive: str, at_s: float) -> float:
-    """Return where the machine comes to rest after `at_s`, or is at the end of the trace, mm or deg."""
-    position = trace[f"{drive}.position"].between(at_s, trace.end_s)
-    rest = REST_M_S if position.unit == "m" else REST_RAD_S
-    settled = trace[f"{drive}.velocity"].between(at_s, trace.end_s).settles(rest)
-    place = trace[f"{drive}.position"].at(trace.end_s if settled is None else settled)
-    return place * display_factor(position.unit)
-
-
-def measure(trace: Trace, drive: str, at_s: float, nominal: Range) -> dict[str, float]:
-    """Return the measures of the axis behind a drive, by name; positions in mm or deg."""
-    position = trace[f"{drive}.position"].between(at_s, trace.end_s)
+def measure(trace: Trace, drive: str, at_s: float, nominal: Range) -> tuple[dict[str, float], float]:
+    """Return the measures of the axis behind a drive, by name, and where its machine comes to rest, or is at
+    the end of the trace; positions in mm or deg.
+    """
+    whole = trace[f"{drive}.position"]
+    position = whole.between(at_s, trace.end_s)
     velocity = trace[f"{drive}.velocity"].between(at_s, trace.end_s)
     torque = trace[f"{drive}.torque"].between(at_s, trace.end_s)
-    factor = display_factor(position.unit)
-    rest = REST_M_S if position.unit == "m" else REST_RAD_S
-    start = trace[f"{drive}.position"].at(at_s)
-    settled = velocity.settles(rest)
+    factor = display_factor(whole.unit)
+    settled = velocity.settles(REST_M_S if whole.unit == "m" else REST_RAD_S)
     watched = trace.end_s - at_s
+    start = whole.at(at_s)
+    place = whole.at(trace.end_s if settled is None else settled) * factor
     values = np.append(position.values, start)
     beyond = max(nominal.low - float(values.min()), float(values.max()) - nominal.high, 0.0)
-    stop = watched if settled is None else max(settled - at_s, 0.0)
-    place = rest_place(trace, drive, at_s)
-    return {
+    measures = {
         "stop_distance": abs(place - start * factor),
-        "stop_time": stop,
+        "stop_time": watched if settled is None else max(settled - at_s, 0.0),
         "overshoot": beyond * factor,
         "peak_torque": float(np.abs(torque.values).max(initial=0.0)),
         "reaction_time": _reaction_time(trace, at_s, watched),
     }
+    return measures, place
 
 
 _REACTIONS: Final = ("alarm.raised", "axis.error", "axis.state", "drive.state", "drive.fault")
