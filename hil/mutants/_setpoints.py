@@ -63,7 +63,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "motion.kernel.fine_interpolation:FineInterpolation.advance",
         "self.s, self.v = self._points[self._step - 1]",
         "self.s, self.v = self._points[max(self._step - 2, 0)]",
-        ids=("CFG-152",),
+        ids=("CTL-039",),
         likely=("interpolator/constant-travel",),
     ),
     # -- several encoders, backlash --

@@ -85,6 +85,10 @@ class PositionControl:
         with a time constant (CFG-329).
         """
 
+    def tracked(self, actual: float) -> float:
+        """Return where the setpoint is while the axis does not form it: at the actual position (CTL-003)."""
+        return actual
+
     @abstractmethod
     def follow(self, position: float) -> None:
         """Track the actual value without control (follow-up mode)."""

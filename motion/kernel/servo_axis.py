@@ -130,7 +130,9 @@ class ServoAxis:
         """The axis forms the setpoints, and its position controller may be closed."""
         self.position_controlled = False
         # -- control and outputs
-        self.controller: PositionControl = VirtualControl(SimulatedPort(cycle_s, 1.0))
+        self.controller: PositionControl = VirtualControl(
+            SimulatedPort(cycle_s, 1.0), cycle_s=cycle_s, acceleration=self.given_acceleration
+        )
         self.in_drive = False
         """The drive closes the position loop (dynamic servo control)."""
         self.speed_output_rpm = 0.0
@@ -251,7 +253,11 @@ class ServoAxis:
 
     def take_actual_position(self, velocity: float, acceleration: float = 0.0) -> None:
         """Put the setpoint as far ahead of the actual position as `velocity` carries it during the delay."""
-        position = self.feedback.position + velocity * self.setpoint_delay_s
+        position = self.feedback.position
+        if self.virtual:
+            position = self.controller.tracked(position)
+        else:
+            position += velocity * self.setpoint_delay_s
         # The interpolator is ahead by the rest of its cycle.
         ahead = 0.0 if self.fine is None else self.fine.restart(position, velocity)
         self.basic.set_state(position + ahead, velocity, acceleration)

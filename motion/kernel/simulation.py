@@ -1,9 +1,9 @@
 """Virtual and simulated axes: setpoints become actual values without a drive (CFG sections 7 and 8, VAR-126
 to VAR-129).
 
-A virtual axis repeats its setpoints one application cycle later. A simulated one delays them as the control
-loop and a simplified drive would: T_ipo + T_servo + T_vtc + T_addPtc with velocity precontrol, T_ipo + 1 / Kv
-+ T_addPtc without it and T_servo more with DSC.
+A virtual axis repeats its setpoints, which the program sees after T_ipo + T_servo (CFG-151). A simulated one
+delays them as the control loop and a simplified drive would: T_ipo + T_servo + T_vtc + T_addPtc with velocity
+precontrol, T_ipo + 1 / Kv + T_addPtc without it and T_servo more with DSC.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from motion.kernel.mechanics import INCREMENTAL
 from motion.kernel.position_control import LEAST_GAIN, LONGEST_DELAY, PositionControl
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from motion.kernel.cell import Cell
     from motion.kernel.mechanics import EncoderScale
     from motion.kernel.modulo import Modulo
@@ -138,53 +140,89 @@ class SimulatedFeedback(Feedback):
 
 class VirtualControl(PositionControl):
     """Takes the place of the position controller: setpoints become actual values, nothing is controlled
-    (CFG-138 to CFG-148).
+    (CFG-138 to CFG-148). `MC_Servo` takes the setpoint that `MC_Interpolator` has formed one cycle before.
 
     Args:
         port: Port of the axis.
+        cycle_s: Servo cycle, s.
+        acceleration: Returns the acceleration of the setpoints, behind the filter.
         dynamic_filter: What the setpoints pass before; None = nothing.
 
     """
 
-    def __init__(self, port: SimulatedPort, dynamic_filter: DynamicFilter | None = None) -> None:
+    def __init__(
+        self,
+        port: SimulatedPort,
+        *,
+        cycle_s: float,
+        acceleration: Callable[[], float],
+        dynamic_filter: DynamicFilter | None = None,
+    ) -> None:
         super().__init__(dynamic_filter)
         self._port = port
         self._feedbacks = port.feedbacks
+        self._cycle = cycle_s
+        self._given_acceleration = acceleration
+        self.actual_acceleration = 0.0
+        """`ActualAcceleration`, as old as the actual position (CFG-142)."""
+        self._next_acceleration = self._waiting_acceleration = 0.0
+        self._setpoint = self._waiting = self._waiting_velocity = 0.0
 
     @property
     @override
     def precontrolled_lag_s(self) -> float:
-        return 0.0
+        return self._cycle
 
     @override
     def reset(self, position: float, velocity: float = 0.0) -> None:
+        self._setpoint = position
         if self.filter is not None:
             self.filter.reset(position, velocity)
+            position -= velocity * self.filter.delay_s
+        self._waiting = position
+        self._waiting_velocity = velocity
+        self.actual_acceleration = self._next_acceleration = self._waiting_acceleration = 0.0
 
     @override
     def shift(self, offset: float) -> None:
         if self.filter is not None:
             self.filter.shift(offset)
+        self._setpoint += offset
+        self._waiting += offset
 
     @override
     def absorb(self, step: float) -> None:
         pass  # all encoders of such an axis agree
 
     @override
+    def tracked(self, actual: float) -> float:
+        """Return the last setpoint: nothing keeps the axis from getting there, and followers of the setpoint
+        see no step back (SYN-482).
+        """
+        return self._setpoint
+
+    @override
     def follow(self, position: float) -> None:
-        if self.filter is not None:
-            self.filter.reset(position)
-        for feedback in self._feedbacks:
-            feedback.take(position, 0.0)
+        self._pass_on(position, 0.0, 0.0)
 
     @override
     def step(self, position: float, velocity: float, actual: float) -> float:
+        self._port.controlled = True
+        self._pass_on(position, velocity, self._given_acceleration())
+        return 0.0
+
+    def _pass_on(self, position: float, velocity: float, acceleration: float) -> None:
+        """Make the setpoint of one cycle ago the next actual value."""
+        self._setpoint = position
         if self.filter is not None:
             position, velocity = self.filter.step(position, velocity)
-        self._port.controlled = True
         for feedback in self._feedbacks:
-            feedback.take(position, velocity)
-        return 0.0
+            feedback.take(self._waiting, self._waiting_velocity)
+        self._waiting = position
+        self._waiting_velocity = velocity
+        self.actual_acceleration = self._next_acceleration
+        self._next_acceleration = self._waiting_acceleration
+        self._waiting_acceleration = acceleration
 
 
 class SimulatedControl(PositionControl):
@@ -237,7 +275,8 @@ class SimulatedControl(PositionControl):
     @property
     @override
     def precontrolled_lag_s(self) -> float:
-        return self._delays()[1]  # the lag of the model
+        dead, lag = self._delays()
+        return dead * self._cycle + lag  # all delay of the model
 
     @override
     def reset(self, position: float, velocity: float = 0.0) -> None:

@@ -154,7 +154,7 @@ def _setpoint(ctx: CaseContext, axis: str) -> float:
     return float(ctx.trace()[f"{axis}.position_setpoint"].values[-1])
 
 
-@INTERPOLATOR.case("constant-travel", requirements=("CFG-152",))
+@INTERPOLATOR.case("constant-travel", requirements=("CTL-039",))
 def constant_travel(ctx: CaseContext) -> None:
     """Several servo cycles to one of the interpolator: what the drive is given moves evenly, and the drive
     follows evenly.
@@ -174,12 +174,13 @@ def constant_travel(ctx: CaseContext) -> None:
         float(np.ptp(during)) / values.golden.machine_m,
         f"{values.unit}/s",
         high=0.5 * values.slow,
-        requirements=("CFG-152",),
     )
     error = ctx.trace()[f"{axis}.following_error"]
     lag = float(np.abs(error.values[error.time_s > since]).max())
     left = velocity * (1.0 - values.kpc / 100.0) / values.kv
-    ctx.measure("following error", lag, values.unit, high=1.2 * left + values.way(4e-4))
+    ctx.measure(
+        "following error", lag, values.unit, high=1.2 * left + values.way(4e-4), requirements=("CTL-039",)
+    )
 
 
 @ENCODERS.product(

@@ -201,6 +201,7 @@ def position_control_of(
     dynamic_filter: DynamicFilter | None,
     *,
     virtual: bool,
+    acceleration: Callable[[], float],
     cycle_s: float,
     delay_s: float,
     in_drive: bool,
@@ -212,6 +213,7 @@ def position_control_of(
         port: Its simulated port; None with a drive.
         dynamic_filter: What the setpoints pass before; None = nothing.
         virtual: It repeats its setpoints.
+        acceleration: Returns the acceleration of the setpoints, behind the filter.
         cycle_s: Servo cycle, s.
         delay_s: Transport delay from setpoint to actual value, s.
         in_drive: The drive closes the loop (DSC).
@@ -231,7 +233,7 @@ def position_control_of(
             in_drive=in_drive,
         )
     if virtual:
-        return VirtualControl(port, dynamic_filter)
+        return VirtualControl(port, cycle_s=cycle_s, acceleration=acceleration, dynamic_filter=dynamic_filter)
     return SimulatedControl(
         port,
         kv=bind("PositionControl.Kv"),

@@ -495,6 +495,7 @@ class TechnologyAxis(TechnologyObject):
             simulated_port,
             dynamic_filter_of(store, servo.cycle_s, precontrol=self.torque.precontrols),
             virtual=servo.virtual,
+            acceleration=servo.given_acceleration,
             cycle_s=servo.cycle_s,
             delay_s=servo.delay_s,
             in_drive=servo.in_drive,
@@ -503,6 +504,8 @@ class TechnologyAxis(TechnologyObject):
         position.hardware.begin()
         position.software.begin()
         self.take_sensor(servo.operative_sensor)
+        if servo.virtual:
+            servo.controller.reset(servo.feedback.position)
         self.leading_value = leading_value_of(
             store,
             cycle_s=servo.interpolator_s,
@@ -908,10 +911,11 @@ class TechnologyAxis(TechnologyObject):
         else:
             if self._enabling.catching:
                 output = servo.actual_velocity
+            tracked = servo.controller.tracked(servo.feedback.position)
             if not servo.controlled:
-                servo.basic.set_state(servo.feedback.position, 0.0)
+                servo.basic.set_state(tracked, 0.0)
             if self.has_position:
-                servo.controller.follow(servo.feedback.position)
+                servo.controller.follow(tracked)
         self.write_outputs(output)
 
     def cycle(self) -> None:
@@ -976,13 +980,14 @@ class TechnologyAxis(TechnologyObject):
             output = servo.actual_velocity if enabling.catching else 0.0
             if motion.simulated is not None:
                 motion.step_simulation(servo.interpolator_s)
+            tracked = servo.controller.tracked(feedback.position)
             if not servo.controlled:
                 # Follow-up: the position tracks, the speed setpoint is zero (CTL-003).
-                servo.basic.set_state(feedback.position, 0.0)
+                servo.basic.set_state(tracked, 0.0)
             # Otherwise the drive is being switched off: the setpoint stays where its ramp has ended
             # (STP-306).
             if position is not None:
-                servo.controller.follow(feedback.position)
+                servo.controller.follow(tracked)
                 position.software.check_actual(controlled=False)
                 position.monitoring.step(controlled=False)
         self.write_outputs(output)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from motion.drives.port import ZSW1
 from motion.kernel.cams import ScaledCurve
+from motion.kernel.simulation import VirtualControl
 from motion.kernel.synchronous import FunctionCoupling
 from motion.s7.axis.technology_object import Live, in_its_units, live_alarms, live_leading_value
 
@@ -120,9 +121,12 @@ def _actual_speed(shown: Shown) -> float:
 
 
 def _actual_acceleration(servo: ServoAxis) -> float:
-    """Return the change of the actual velocity in the last cycle; 0.0 without an encoder."""
-    if not servo.has_position or servo.virtual:
-        return 0.0
+    """Return the change of the actual velocity in the last cycle, of a virtual axis its setpoint; 0.0 without
+    an encoder.
+    """
+    controller = servo.controller
+    if isinstance(controller, VirtualControl):  # an axis without positions, too
+        return controller.actual_acceleration
     feedback = servo.feedback
     return (feedback.velocity - feedback.last_velocity) / servo.cycle_s
 
@@ -141,10 +145,6 @@ def _position(shown: Shown) -> Live:
         dynamic_filter = servo.controller.filter
         return servo.modulo.wrap(servo.total.s if dynamic_filter is None else dynamic_filter.position)
 
-    def given_acceleration() -> float:
-        dynamic_filter = servo.controller.filter
-        return servo.total.a if dynamic_filter is None else dynamic_filter.acceleration
-
     return live_leading_value(shown.leading_value, lambda: servo.modulo) | {
         "StatusPositioning.SetpointExecutionTime": shown.execution_s,
         "Position": lambda: 0.0 if without_position() else servo.modulo.wrap(servo.total.s),
@@ -152,7 +152,7 @@ def _position(shown: Shown) -> Live:
         "ActualPosition": lambda: servo.feedback.place(servo.modulo)[1],
         "ActualModuloCycle": lambda: servo.feedback.place(servo.modulo)[0],
         "ActualVelocity": lambda: servo.feedback.velocity,
-        "ActualAcceleration": lambda: given_acceleration() if servo.virtual else _actual_acceleration(servo),
+        "ActualAcceleration": lambda: _actual_acceleration(servo),
         "OperativeSensor": lambda: servo.operative_sensor,
         "StatusPositioning.SuperimposedDistance": lambda: motion.superimposed_distance,
         "StatusPositioning.FollowingError": lambda: servo.controller.following_error,

@@ -196,8 +196,8 @@ def test_delay_of_the_filter_in_the_following_error(additional, error):
 @pytest.mark.requirement("CTL-060", "CFG-149")
 @pytest.mark.parametrize("kind", ["VirtualAxis.Mode", "Simulation.Mode"])
 def test_virtual_and_simulated_axes_are_filtered_too(kind):
-    """Actual values of a virtual axis are the filtered setpoints, one cycle later; with every further setting
-    they stay so.
+    """Actual values of a virtual axis are the filtered setpoints, one cycle later, which is two behind the
+    interpolator; with every further setting they stay so.
     """
     plain = Rig(variables={kind: 1} | LOOSE)
     filtered = Rig(variables={kind: 1} | times(1, 0.02) | LOOSE)
@@ -211,7 +211,7 @@ def test_virtual_and_simulated_axes_are_filtered_too(kind):
         one, _ = filtering(1, 0.02)
         one.reset(0.0)
         expected = [one.step(position, 0.0)[0] for position in positions]
-        assert filtered.column("actual_position")[1:] == pytest.approx(expected[:-1], abs=1e-9)
+        assert filtered.column("actual_position")[2:] == pytest.approx(expected[:-2], abs=1e-9)
     assert not np.allclose(
         plain.column("actual_position")[:150], filtered.column("actual_position")[:150], atol=0.1
     )
@@ -264,12 +264,16 @@ def coupled(filter_times, additional):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.requirement("CTL-080", "CTL-081", "MON-035")
-@pytest.mark.parametrize("filter_times", [(1, 0.002), (1, 0.001, 0.001), (1, 0.0, 0.0, 0.002), (2, 0.004)])
+@pytest.mark.requirement("CTL-080", "CTL-081", "MON-035", "SYN-080", "SYN-081")
+@pytest.mark.parametrize(
+    "filter_times",
+    [(1, 0.002), (1, 0.001, 0.001), (1, 0.0, 0.0, 0.002), (2, 0.004), (2, 0.002, 0.001, 0.0005)],
+)
 def test_two_axes_with_different_drives_lag_alike(filter_times):
     """The faster axis gets the difference as a filter: both are 0.6 mm behind; what they show differs by the
-    filter alone.
+    filter alone. No dead time is longer than 16 servo cycles.
     """
+    assert filtering(filter_times[0], 0.0, 0.0, 1.0)[0].delay_s == pytest.approx(16 * CYCLE)
     lags, shown = coupled(filter_times, 0.002)
     assert lags == pytest.approx([0.6, 0.6], rel=0.01)
     assert shown == pytest.approx([0.4, 0.6], rel=0.01)

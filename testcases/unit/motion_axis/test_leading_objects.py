@@ -16,6 +16,8 @@ from testcases.unit.motion_axis.conftest import Rig
 VIRTUAL = {"VirtualAxis.Mode": 1}
 SIMULATED = {"VirtualAxis.Mode": 0}
 ACROSS = "CrossPlcSynchronousOperation."
+HALF = 1 << 31
+"""Half of the range of a counter."""
 
 
 class Belt(EncoderPort):
@@ -32,26 +34,31 @@ class Belt(EncoderPort):
     def read(self) -> None:
         self.link_ok = not self.silent
         self.noise = -self.noise
-        self.encoder_increments += self.step + self.noise
+        self.encoder_increments = (self.encoder_increments + self.step + self.noise + HALF) % (
+            2 * HALF
+        ) - HALF
 
 
-def behind_belt(step=40, **variables):
-    """An enabled synchronous axis behind an external encoder that goes `step` increments per cycle."""
+def behind_belt(step=40, *, at=0, encoder=None, belt=Belt, **variables):
+    """An enabled synchronous axis behind an external encoder that goes `step` increments per cycle, from `at`
+    on.
+    """
     rig = Rig(synchronous=True, variables=VIRTUAL)
-    rig.belt = Belt()
+    rig.belt = belt()
     rig.belt.step = step
+    rig.belt.encoder_increments = at
     settings = {
         "Mechanics.LeadScrew": 10.0,
         "Sensor.Parameter.StepsPerRevolution": 1000,
         "Sensor.Parameter.FineResolutionXist1": 0,
     }
-    settings |= {f"Extrapolation.{path}": value for path, value in variables.items()}
-    encoder = ExternalEncoder(
+    settings |= {f"Extrapolation.{path}": value for path, value in variables.items()} | (encoder or {})
+    measuring = ExternalEncoder(
         "belt", rig.belt, cycle_ns=rig.cycle_ns, variables=settings, history=rig.history
     )
-    rig.runtime.add_encoder(encoder)
-    rig.encoder = EncoderHandle(rig.runtime, encoder)
-    rig.axis.object.leading_objects = (encoder, rig.leader.object)
+    rig.runtime.add_encoder(measuring)
+    rig.encoder = EncoderHandle(rig.runtime, measuring)
+    rig.axis.object.leading_objects = (measuring, rig.leader.object)
     rig.runtime.order_axes()
     rig.enabled()
     rig.run(0.1)

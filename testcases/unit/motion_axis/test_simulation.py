@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
+import numpy as np
 import pytest
 
 VIRTUAL = {"VirtualAxis.Mode": 1}
@@ -112,11 +111,26 @@ class TestBoth:
         rig.until(move.done, 10.0)
         assert rig.axis.var("ActualPosition") == pytest.approx(50.0, abs=0.01)
 
+    @BOTH
+    def test_a_ramp_from_the_actual_values_begins_without_a_step(self, make_rig, mode):
+        """A stop that begins with the actual values goes on from where the axis is in every cycle."""
+        late = {"DynamicAxisModel.AdditionalPositionTimeConstant": 0.008}
+        rig = make_rig(variables=mode | late)
+        ramp(rig)
+        rig.axis.power(False, stop_mode=0)
+        rig.run(0.02)
+        steps = np.diff(rig.column("actual_position"))[-10:]
+        assert steps[0] == pytest.approx(0.4, abs=1e-6)
+        assert (np.diff(steps) < 1e-9).all()
+        assert (np.diff(steps) > -0.1).all()
+
 
 class TestVirtual:
     """The virtual axis from technology version 8.0 on."""
 
     @pytest.mark.requirement(
+        "CFG-151",
+        "SYN-078",
         "CFG-138",
         "CFG-139",
         "CFG-140",
@@ -129,28 +143,39 @@ class TestVirtual:
         "CFG-147",
         "VAR-128",
     )
-    def test_setpoints_one_cycle_later(self, make_rig):
-        """Actual values repeat the setpoints one cycle later, control variables are 0."""
+    def test_setpoints_repeated(self, make_rig):
+        """After `MC_Interpolator` actual values repeat the setpoints of two cycles ago, one of them the delay
+        of the axis (CFG-151); what a loop would show is 0 in every cycle.
+        """
         rig = make_rig(variables=VIRTUAL).enabled()
-        var = rig.axis.var
-        rows = []
-        shown = ("ActualPosition", "StatusSensor[1].Position", "ActualVelocity", "StatusSensor[1].Velocity")
-        rig.runtime.after_cycle.append(
-            lambda: rows.append((var("Position"), var("Velocity"), [var(p) for p in shown]))
+        setpoints = ("Position", "Position", "Velocity", "Velocity", "Acceleration")
+        actual = (
+            "ActualPosition",
+            "StatusSensor[1].Position",
+            "ActualVelocity",
+            "StatusSensor[1].Velocity",
+            "ActualAcceleration",
         )
-        rig.axis.move_relative(30.0)
-        rig.run(1.0)
-        for (position, velocity, _), (_, _, actual) in pairwise(rows):
-            assert actual == pytest.approx([position, position, velocity, velocity], abs=1e-9)
-        assert max(row[1] for row in rows) > 50.0
-        for path in (
+        nothing = (
             "ActualSpeed",
             "VelocitySetpoint",
             "StatusServo.ControlDifference",
             "StatusServo.BalancedPosition",
-        ):
-            assert var(path) == 0.0
-        assert var("StatusSensor[1].Adjusted") == 1
+        )
+        rows = {paths: [] for paths in (setpoints, actual, nothing)}
+
+        def look():
+            for paths, found in rows.items():
+                found.append([rig.axis.var(path) for path in paths])
+
+        rig.runtime.after_cycle.append(look)
+        rig.axis.home(5.0)
+        rig.axis.move_relative(30.0)
+        rig.run(1.0)
+        assert np.array(rows[actual])[3:] == pytest.approx(np.array(rows[setpoints])[1:-2], abs=1e-9)
+        assert (np.ptp(rows[actual], axis=0) > 20.0).all()
+        assert not np.any(rows[nothing])
+        assert rig.axis.var("StatusSensor[1].Adjusted") == 1
 
     @pytest.mark.requirement("CFG-148", "VAR-128")
     def test_control_does_not_matter(self, make_rig):
@@ -194,8 +219,9 @@ class TestSimulated:
     """Simulation by the control loop and a simplified drive."""
 
     @pytest.mark.requirement(
-        "CTL-016", "CFG-166", "CFG-167", "CFG-168", "CFG-170", "CFG-171", "VAR-127", "CFG-137"
-    )
+        "CTL-016", "CFG-166", "CFG-167", "CFG-168", "CFG-170", "CFG-171", "VAR-127", "CFG-137",
+        "SYN-079",
+    )  # fmt: skip
     @pytest.mark.parametrize(
         ("settings", "delay_s"),
         [
@@ -213,11 +239,19 @@ class TestSimulated:
             ),
             ({"PositionControl.Kpc": 0.0, "PositionControl.Kv": 100.0}, 0.004 + 0.010),
             (
+                {
+                    "PositionControl.Kpc": 0.0,
+                    "PositionControl.Kv": 100.0,
+                    "DynamicAxisModel.AdditionalPositionTimeConstant": 0.006,
+                },
+                0.004 + 0.010 + 0.006,
+            ),
+            (
                 {"PositionControl.Kpc": 0.0, "PositionControl.Kv": 100.0, "PositionControl.EnableDSC": True},
                 0.004 + 0.004 + 0.010,
             ),
         ],
-        ids=["precontrol", "precontrol and additional", "without", "without, DSC"],
+        ids=["precontrol", "precontrol and additional", "without", "without, and additional", "without, DSC"],
     )
     def test_lag(self, make_rig, settings, delay_s):
         """At constant velocity the actual position lags by the velocity times the delay of the model."""

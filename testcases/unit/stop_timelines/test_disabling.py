@@ -136,7 +136,7 @@ def test_axis_without_a_drive(kind, mode, seconds):
     start = rig.scheduler.now / 1e9
     power = rig.axis.power(False, stop_mode=mode)
     if not seconds:
-        rig.cycles(3)
+        rig.cycles(4)
         assert rig.axis.var("ActualVelocity") == 0.0
     rig.until(power.off)
     if seconds:

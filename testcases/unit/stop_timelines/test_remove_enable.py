@@ -357,7 +357,7 @@ def test_value_means_nothing_without_a_drive(kind):
         seen.append(
             (
                 rig.column("actual_velocity")[since:],
-                rig.column("state")[since:],
+                rig.column("state")[since + 2 :],  # a ramp of a virtual axis ends with its actual value
                 rig.axis.power_instance.Status,
             )
         )
