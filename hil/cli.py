@@ -80,6 +80,9 @@ ReportOption = Annotated[
 ResumeOption = Annotated[
     bool, typer.Option("--resume", help="Go on with the run that is in the report folder.")
 ]
+ClusterOption = Annotated[
+    str, typer.Option("--cluster", metavar="ADDRESS", help="Run on the workers of this dask scheduler.")
+]
 SeedOption = Annotated[int, typer.Option("--seed", "-s", help="Seed of the run.")]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Result as JSON on standard output, with nothing else on it.")
@@ -216,9 +219,7 @@ def run(
         float, typer.Option("--time-limit", metavar="S", min=0.0, help="Wall time of every case; 0: its own.")
     ] = 0.0,
     budget: BudgetOption = "",
-    cluster: Annotated[
-        str, typer.Option("--cluster", metavar="ADDRESS", help="Run on the workers of this dask scheduler.")
-    ] = "",
+    cluster: ClusterOption = "",
     configurations: Annotated[
         str,
         typer.Option(
@@ -709,6 +710,7 @@ def envelope(
     ] = 1.0,
     seed: SeedOption = 1,
     jobs: JobsOption = "0",
+    cluster: ClusterOption = "",
     budget: Annotated[
         str,
         typer.Option("--budget", metavar="TIME", help="Stop after 90s, 10m, 1h, and say what is left out."),
@@ -727,6 +729,9 @@ def envelope(
         Path | None,
         typer.Option("--against", metavar="DIR", help="Compare with the envelope in this folder."),
     ] = None,
+    parquet: Annotated[
+        bool, typer.Option("--parquet", help="Write the table as envelope.parquet, too.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Break a motion at every cycle, and show the worst stop."""
@@ -745,11 +750,13 @@ def envelope(
             watch=watch,
             seed=seed,
             jobs=parse_jobs(jobs),
+            cluster=cluster,
             budget=budget,
             report=report,
             resume=resume,
             cycle=cycle,
             against=against,
+            parquet=parquet,
             as_json=as_json,
         )
     )

@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from fieldbus.errors import ConfigurationError, UnknownNameError
+from fieldbus.errors import ConfigurationError
 from hil._commands.durations import parse_duration
 from hil._commands.terminal import CaseProgress, console, print_json, quiet_stdout
 from hil.campaign import load_bench_file
-from hil.envelope import MEASURES, Envelope, load_envelope, stimulus_from_text, sweep, witness
-from hil.errors import CannotRunError
+from hil.envelope import (
+    MEASURES,
+    Envelope,
+    EnvelopeDifference,
+    Motion,
+    load_envelope,
+    move_absolute,
+    own_motion,
+    stimulus_from_text,
+    sweep,
+    witness,
+)
 from hil.faults import CATALOGUE
 from reports.html.envelope import write_envelope
 
-if TYPE_CHECKING:
-    from hil.bench.bench import Bench
-
 USUAL: Final = ("operator.disable", "operator.halt", "operator.stop", "drive.fault:code=0x2310", "drive.sto")
 """Stimuli where none are given."""
-Body = Callable[["Bench"], object]
 
 
 def parse_every(text: str) -> int:
@@ -51,61 +54,6 @@ def all_faults() -> list[str]:
     return found
 
 
-def own_motion(reference: str) -> tuple[str, Body, Body | None]:
-    """Return name, motion and what goes before it of a file: `FILE.py` or `FILE.py:NAME`.
-
-    Raises:
-        CannotRunError: There is no such file or function, or it cannot be imported.
-
-    """
-    path, _, name = reference.partition(":")
-    file = Path(path)
-    spec = importlib.util.spec_from_file_location(f"hil_envelope_{file.stem}", file)
-    if spec is None or spec.loader is None or not file.is_file():
-        raise CannotRunError(f"{path}: no Python file")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise CannotRunError(f"{path} cannot be imported: {type(error).__name__}: {error}") from error
-    wanted = name or "motion"
-    motion = getattr(module, wanted, None)
-    if not callable(motion):
-        functions = [
-            one for one, value in vars(module).items() if callable(value) and not one.startswith("_")
-        ]
-        raise UnknownNameError(path, wanted, "a function", functions)
-    before = getattr(module, "before", None)
-    return f"{file.name}:{wanted}", motion, before if callable(before) else None
-
-
-def usual_motion(axis: str, to: float, velocity: float) -> tuple[str, Body, Body]:
-    """Return name, motion and what goes before it: enable, set to zero, move to a position."""
-
-    def before(bench: Bench) -> None:
-        name = axis or bench.axis_names[0]
-        if bench.config.axis[name].controller == "nc":
-            nc = bench.axis(name, controller="nc")
-            bench.wait_until(nc.power().status, 5.0, f"{name} is enabled")
-            nc.set_position(0.0)
-            bench.run_for(0.05)
-            return
-        handle = bench.axis(name)
-        bench.wait_until(handle.power().status, 5.0, f"{name} is enabled")
-        bench.wait_until(handle.home(0.0, mode=0).done, 1.0, f"{name} is homed")
-
-    def motion(bench: Bench) -> None:
-        name = axis or bench.axis_names[0]
-        if bench.config.axis[name].controller == "nc":
-            done = bench.axis(name, controller="nc").move_absolute(to, Velocity=velocity).done
-        else:
-            done = bench.axis(name).move_absolute(to, Velocity=velocity).done
-        bench.wait_until(done, 60.0, f"{name} is at {to:g}")
-
-    return f"MC_MoveAbsolute to {to:g} at {velocity:g}/s", motion, before
-
-
 def envelope_of(
     *,
     bench: str,
@@ -118,23 +66,24 @@ def envelope_of(
     watch: float,
     seed: int,
     jobs: int,
+    cluster: str,
     budget: str,
     report: Path,
     resume: bool,
     cycle: int | None,
     against: Path | None,
+    parquet: bool,
     as_json: bool,
 ) -> int:
     """Sweep, tell, return the exit code: 1 when a rule was broken or a copy came to no end."""
     chosen = list(stimuli) or list(USUAL)
     if "all" in chosen:
         chosen = [*(one for one in chosen if one != "all"), *USUAL[:3], *all_faults()]
-    name, motion, before = own_motion(own) if own else usual_motion(axis, to, velocity)
+    motion = own_motion(own) if own else move_absolute(axis, to, velocity)
     if cycle is not None:
         return _one(
             bench,
             motion=motion,
-            before=before,
             stimuli=chosen,
             cycle=cycle,
             seed=seed,
@@ -143,31 +92,36 @@ def envelope_of(
             as_json=as_json,
         )
     with quiet_stdout(as_json):
-        file = load_bench_file(bench or None)
         other = None if against is None else load_envelope(against)
         with CaseProgress(1, "branches") as progress:
             envelope = sweep(
-                file,
+                bench or "reference",
                 motion,
                 [stimulus_from_text(one) for one in chosen],
-                before=before,
                 every=1 if every == "cycle" else parse_every(every),
                 seed=seed,
                 watch_s=watch,
                 jobs=jobs,
+                cluster=cluster,
                 budget_s=parse_duration("--budget", budget) or None,
                 folder=report,
                 resume=resume,
-                name=name,
                 on_branch=lambda done, planned: progress.step(done, f"{planned - done} left"),
             )
+        if parquet:
+            envelope.save_parquet(report / "envelope.parquet")
+    changed = [] if other is None else [row for row in other.compared(envelope) if row.first != row.second]
     page = write_envelope(
-        report / "envelope.html", envelope.to_json(), [(one.name, one.unit) for one in MEASURES.values()]
+        report / "envelope.html",
+        envelope.to_json(),
+        [(one.name, one.unit) for one in MEASURES.values()],
+        [_in_words(row) for row in changed],
+        "" if other is None else f"{other.bench}, {other.motion}",
     )
     if as_json:
         print_json({**_summary(envelope), "report": str(page)})
     else:
-        _tell(envelope, other, page)
+        _tell(envelope, changed, page)
     return 1 if envelope.failures else 0
 
 
@@ -182,6 +136,7 @@ def _summary(envelope: Envelope) -> dict[str, object]:
                     "unit": found.unit,
                     "stimulus": found.branch.stimulus,
                     "cycle": found.branch.cycle,
+                    "token": envelope.token(found.branch),
                 }
     return {
         "branches": len(envelope.branches),
@@ -194,7 +149,7 @@ def _summary(envelope: Envelope) -> dict[str, object]:
     }
 
 
-def _tell(envelope: Envelope, other: Envelope | None, page: Path) -> None:
+def _tell(envelope: Envelope, changed: list[EnvelopeDifference], page: Path) -> None:
     out = console()
 
     def say(text: str) -> None:
@@ -223,22 +178,23 @@ def _tell(envelope: Envelope, other: Envelope | None, page: Path) -> None:
         say(f"broken at {branch.time_s:.3f} s, {branch.stimulus}: {branch.error or '; '.join(branch.broken)}")
     if len(envelope.failures) > 5:
         say(f"and {len(envelope.failures) - 5} more: the page lists them")
-    if other is not None:
-        for row in other.compared(envelope):
-            if row.first != row.second:
-                values = [
-                    "none" if value is None else f"{value:.4g} {row.unit}"
-                    for value in (row.first, row.second)
-                ]
-                say(f"{row.stimulus}, {row.axis} {row.measure.replace('_', ' ')}: {values[0]} -> {values[1]}")
+    for row in changed:
+        stimulus, measure, before, now = _in_words(row)
+        say(f"{stimulus}, {measure}: {before} -> {now}")
     say(f"page: {page}")
+
+
+def _in_words(row: EnvelopeDifference) -> tuple[str, str, str, str]:
+    first, second = (
+        "none" if value is None else f"{value:.4g} {row.unit}" for value in (row.first, row.second)
+    )
+    return row.stimulus, f"{row.axis} {row.measure.replace('_', ' ')}", first, second
 
 
 def _one(
     bench: str,
     *,
-    motion: Body,
-    before: Body | None,
+    motion: Motion,
     stimuli: list[str],
     cycle: int,
     seed: int,
@@ -251,7 +207,7 @@ def _one(
         raise ConfigurationError("--stimulus", ", ".join(stimuli), "exactly one together with --cycle")
     with quiet_stdout(as_json):
         file = load_bench_file(bench or None)
-        found = witness(file, motion, stimuli[0], cycle, before=before, seed=seed, watch_s=watch)
+        found = witness(file, motion, stimuli[0], cycle, seed=seed, watch_s=watch)
     archive, _ = found.trace.save(report / "witness")
     if as_json:
         print_json({**found.row, "bench": bench, "trace": str(archive)})

@@ -75,6 +75,12 @@ def _execute(token: Token, text: str, bench_file: BenchFile[Bench], report: Path
         result = outcome.as_case(token.case)
         result.token = text
         return result
+    if token.branch is not None:
+        from hil.envelope import replay_branch
+
+        execution = replay_branch(token, text, bench_file)
+        write_evidence(execution, report, "all")
+        return execution.result
     campaign = load_campaign(token.campaign)
     if token.case not in campaign:
         raise TokenError(f"{token.campaign} has no case {token.case!r} any more")

@@ -30,13 +30,15 @@ class Token:
     seed: int
     """Seed of the case itself."""
     campaign: str = ""
-    """`module:NAME` or `path.py:NAME`; empty for a fuzz program."""
+    """`module:NAME` or `path.py:NAME`; empty for a fuzz program and for a branch of an envelope."""
     bench: str = ""
     """Bench as given by the user; empty for the embedded one."""
     bench_digest: str = ""
     """SHA-256 of the bench file, to notice that it has changed."""
     program: list[JsonObject] | None = field(default=None)
     """Steps of a fuzz program."""
+    branch: JsonObject | None = None
+    """Branch of a stop envelope (`hil.envelope.Envelope.token`)."""
     example: str = ""
     """Example of Hypothesis with which a test of pytest begins: version and blob of `@reproduce_failure`."""
 
@@ -86,6 +88,7 @@ class Token:
             "bench": str,
             "bench_digest": str,
             "program": list,
+            "branch": dict,
             "example": str,
         }
         if not isinstance(content, dict) or not {"case", "seed"} <= set(content):

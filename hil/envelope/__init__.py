@@ -10,8 +10,10 @@ from __future__ import annotations
 
 from hil.envelope._actions import ACTIONS
 from hil.envelope._adaptive import Grid
-from hil.envelope._branching import Prepared, Witness
+from hil.envelope._branching import Witness
 from hil.envelope._measures import MEASURES, Measure
+from hil.envelope._motion import Motion, motion_of, move_absolute, own_motion
+from hil.envelope._replay import replay_branch
 from hil.envelope._result import Branch, Cliff, Envelope, EnvelopeDifference, load_envelope
 from hil.envelope._stimulus import Stimulus, stimulus_from_text
 from hil.envelope._sweep import sweep, witness
@@ -25,10 +27,14 @@ __all__ = [
     "EnvelopeDifference",
     "Grid",
     "Measure",
-    "Prepared",
+    "Motion",
     "Stimulus",
     "Witness",
     "load_envelope",
+    "motion_of",
+    "move_absolute",
+    "own_motion",
+    "replay_branch",
     "stimulus_from_text",
     "sweep",
     "witness",

@@ -34,12 +34,11 @@ from reports.model import Verdict
 
 if TYPE_CHECKING:
     from hil.bench.bench import Bench
+    from hil.envelope._motion import Motion
     from hil.envelope._stimulus import Stimulus
     from hil.protocols import BenchFile
     from hil.record import Trace
 
-Body = Callable[["Bench"], object]
-"""Test code: it gets the bench, and may wait on it."""
 Job = tuple[int, int]
 """Cycle of the motion and number of the stimulus."""
 
@@ -68,20 +67,6 @@ class _TimeIsOver(BaseException):
 
 class NotBranchableError(CannotRunError):
     """Only a bench in virtual time, on a system that can fork, can be copied."""
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """A motion with what goes before it.
-
-    Args:
-        motion: It is copied at every cycle of this.
-        before: Brings the bench to the start of it; None: nothing.
-
-    """
-
-    motion: Body
-    before: Body | None = None
 
 
 @dataclass(frozen=True)
@@ -121,7 +106,7 @@ class Branching:
 
     Args:
         bench_file: Bench in virtual time.
-        body: The motion.
+        motion: What is disturbed.
         stimuli: What copies are broken with.
         seed: Seed of the bench.
         watch_s: Time that a copy is watched after its stimulus, s.
@@ -135,7 +120,7 @@ class Branching:
     def __init__(
         self,
         bench_file: BenchFile[Bench],
-        body: Prepared,
+        motion: Motion,
         stimuli: list[Stimulus],
         *,
         seed: int,
@@ -145,7 +130,7 @@ class Branching:
         if not hasattr(os, "fork"):
             raise NotBranchableError("a stop envelope copies the process: this system cannot fork")
         self._bench_file = bench_file
-        self._body = body
+        self._motion = motion
         self._stimuli = stimuli
         self._seed = seed
         self._watch_ns = seconds_to_ns(watch_s)
@@ -173,7 +158,7 @@ class Branching:
             cycles: list[int] = []
             bench.on_cycle(lambda: cycles.append(bench.scheduler.now))
             try:
-                self._body.motion(bench)
+                self._motion.body(bench)
             except (HilError, AssertionError) as error:
                 problem = str(error)
             trace = bench.trace()
@@ -217,8 +202,8 @@ class Branching:
         return refused
 
     def _before(self, bench: Bench) -> None:
-        if self._body.before is not None:
-            self._body.before(bench)
+        if self._motion.before is not None:
+            self._motion.before(bench)
 
     # -- copies
 
@@ -262,18 +247,18 @@ class Branching:
             gc.freeze()
             bench.on_cycle(branch)
             try:
-                self._motion(bench, copies)
+                self._run_motion(bench, copies)
             finally:
                 gc.unfreeze()
                 copies.wait()
 
-    def _motion(self, bench: Bench, copies: _Copies) -> None:
+    def _run_motion(self, bench: Bench, copies: _Copies) -> None:
         """Run the motion; in a copy it ends the process."""
         problem = ""
         try:
             # It fails because it was disturbed.
             with contextlib.suppress(HilError, AssertionError):
-                self._body.motion(bench)
+                self._motion.body(bench)
             if copies.child is not None:
                 bench.run_for((self._watch_ns + seconds_to_ns(1.0)) * 1e-9)
         except _TimeIsOver:
@@ -326,29 +311,37 @@ class Branching:
 
     def witness(self, job: Job, course: Course) -> Witness:
         """Run one branch in this process, without a copy."""
-        cycle, _ = job
         problem = ""
         with self._bench_file.build(seed=self._seed) as bench:
-            self._before(bench)
-            at = 0
-
-            def disturb() -> None:
-                nonlocal at
-                if at == cycle:
-                    self._disturb(bench, job)
-                at += 1
-
-            bench.on_cycle(disturb)
             try:
-                with contextlib.suppress(HilError, AssertionError):
-                    self._body.motion(bench)
-                bench.run_for((self._watch_ns + seconds_to_ns(1.0)) * 1e-9)
-            except _TimeIsOver:
-                pass
+                self.disturbed(bench, job)
             except Exception as error:  # noqa: BLE001 - as in a copy
                 problem = f"{type(error).__name__}: {error}"
             row, trace = self._row(bench, job, course, problem)
             return Witness(trace, row)
+
+    def disturbed(self, bench: Bench, job: Job) -> None:
+        """Run one branch on a bench that was just built: what a copy does from the start of the motion on.
+
+        Raises:
+            Exception: Of the test code, but for refusals and failed assertions, which the stimulus may cause.
+
+        """
+        cycle, _ = job
+        self._before(bench)
+        at = 0
+
+        def disturb() -> None:
+            nonlocal at
+            if at == cycle:
+                self._disturb(bench, job)
+            at += 1
+
+        bench.on_cycle(disturb)
+        with contextlib.suppress(_TimeIsOver):
+            with contextlib.suppress(HilError, AssertionError):
+                self._motion.body(bench)
+            bench.run_for((self._watch_ns + seconds_to_ns(1.0)) * 1e-9)
 
 
 class _Child:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import csv
+import importlib
 import io
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from fieldbus.errors import ConfigurationError, UnknownNameError
+from hil.campaign import Token
 from hil.envelope._measures import MEASURES, Measure
-from hil.errors import HilError
+from hil.errors import CannotRunError, HilError
 
 RESULT_FILE: Final = "envelope.json"
 _FORMAT: Final = 1
@@ -48,6 +50,20 @@ class Branch:
     def value(self, measure: str, axis: str) -> float | None:
         """Return a measure; None where there is none."""
         return self.measures.get(axis, {}).get(measure)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the branch as JSON values."""
+        return {
+            "cycle": self.cycle,
+            "time_s": self.time_s,
+            "stimulus": self.stimulus,
+            "reaction": self.reaction,
+            "measures": {axis: dict(values) for axis, values in self.measures.items()},
+            "rest": dict(self.rest),
+            "broken": list(self.broken),
+            "error": self.error,
+            "digest": self.digest,
+        }
 
 
 @dataclass(frozen=True)
@@ -116,6 +132,8 @@ class Envelope:
     """Mechanical end stops by axis, same unit."""
     branches: tuple[Branch, ...]
     """Ordered by stimulus and cycle."""
+    source: Mapping[str, Any] = field(default_factory=dict)
+    """Bench and motion as they are found again; empty: they cannot be."""
 
     def unit(self, measure: str, axis: str) -> str:
         """Return the unit of a measure of an axis."""
@@ -188,6 +206,24 @@ class Envelope:
         """Branches in which a rule was broken, or which came to no end."""
         return [branch for branch in self.branches if branch.broken or branch.error]
 
+    def token(self, branch: Branch) -> str:
+        """Return the replay token of a branch, for `hil replay`; empty: its motion has no name."""
+        if not self.source:
+            return ""
+        return Token(
+            f"{self.motion}, {branch.stimulus} in cycle {branch.cycle}",
+            self.seed,
+            bench=self.source["bench"],
+            bench_digest=self.bench_digest,
+            branch={
+                "motion": self.source["motion"],
+                "stimulus": branch.stimulus,
+                "cycle": branch.cycle,
+                "watch_s": self.watch_s,
+                "digest": branch.digest,
+            },
+        ).encode()
+
     def compared(self, other: Envelope) -> list[EnvelopeDifference]:
         """Return the worst values of the stimuli of both, side by side."""
         axes = [axis for axis in self.axes if axis in other.axes]
@@ -208,12 +244,13 @@ class Envelope:
     # -- files
 
     def to_json(self) -> dict[str, object]:
-        """Return the envelope as JSON values."""
+        """Return the envelope as JSON values, with the worst points of every axis and all cliffs."""
         return {
             "format": _FORMAT,
             "bench": self.bench,
             "bench_digest": self.bench_digest,
             "motion": self.motion,
+            "source": dict(self.source),
             "seed": self.seed,
             "watch_s": self.watch_s,
             "start_s": self.start_s,
@@ -226,36 +263,70 @@ class Envelope:
             "units": dict(self.units),
             "positions": {axis: list(values) for axis, values in self.positions.items()},
             "stops": {axis: list(values) for axis, values in self.stops.items()},
-            "branches": [
-                {
-                    "cycle": one.cycle,
-                    "time_s": one.time_s,
-                    "stimulus": one.stimulus,
-                    "reaction": one.reaction,
-                    "measures": {axis: dict(values) for axis, values in one.measures.items()},
-                    "rest": dict(one.rest),
-                    "broken": list(one.broken),
-                    "error": one.error,
-                    "digest": one.digest,
-                }
-                for one in self.branches
+            "branches": [one.to_json() for one in self.branches],
+            "worst": {
+                axis: [
+                    {**one.to_json(), "token": self.token(one)}
+                    for one in self.ranked(next(iter(MEASURES)), axis)
+                ]
+                for axis in self.axes
+            },
+            "cliffs": [
+                {"stimulus": one.stimulus, "before": one.before.to_json(), "after": one.after.to_json()}
+                for one in self.cliffs
             ],
         }
 
-    def csv(self) -> str:
-        """Return a row for every branch and axis."""
-        out = io.StringIO()
-        writer = csv.writer(out, lineterminator="\n")
-        writer.writerow(["stimulus", "cycle", "time_s", "axis", "position_unit", *MEASURES, "reaction"])
+    def _ranked(self, axis: str) -> list[Branch]:
+        return self.ranked(next(iter(MEASURES)), axis)
+
+    def _worst_point(self, branch: Branch) -> dict[str, Any]:
+        return {**branch.to_json(), "token": self.token(branch)}
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Return the names of columns, and a row for every branch and axis; None: it has no such measure."""
+        rows = []
         for branch in self.branches:
             for axis in self.axes:
                 values = branch.measures.get(axis, {})
-                writer.writerow(
-                    [branch.stimulus, branch.cycle, f"{branch.time_s:.6f}", axis, self.units.get(axis, "")]
-                    + [f"{values[name]:.6g}" if name in values else "" for name in MEASURES]
+                rows.append(
+                    [branch.stimulus, branch.cycle, branch.time_s, axis, self.units.get(axis, "")]
+                    + [values.get(name) for name in MEASURES]
                     + [branch.reaction]
                 )
+        return ["stimulus", "cycle", "time_s", "axis", "position_unit", *MEASURES, "reaction"], rows
+
+    def csv(self) -> str:
+        """Return the rows as text."""
+        out = io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        names, rows = self.rows()
+        writer.writerow(names)
+        for row in rows:
+            writer.writerow([f"{one:.6g}" if isinstance(one, float) else one for one in row])
         return out.getvalue()
+
+    def save_parquet(self, path: str | Path) -> Path:
+        """Write the rows as a Parquet file; returns its path.
+
+        Raises:
+            CannotRunError: pyarrow is not installed.
+
+        """
+        try:
+            table: Any = importlib.import_module("pyarrow")
+            parquet: Any = importlib.import_module("pyarrow.parquet")
+        except ModuleNotFoundError as error:
+            raise CannotRunError(
+                f"a Parquet file needs pyarrow, which is not installed ({error}): pip install "
+                "'motion-hil[parquet]'"
+            ) from error
+        names, rows = self.rows()
+        file = Path(path)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        columns = list(zip(*rows, strict=True)) if rows else [()] * len(names)
+        parquet.write_table(table.table(dict(zip(names, columns, strict=True))), file)
+        return file
 
     def save(self, folder: str | Path) -> Path:
         """Write `envelope.json` and `envelope.csv` into a folder; returns the first."""
@@ -297,6 +368,7 @@ def load_envelope(path: str | Path) -> Envelope:
             bench=content["bench"],
             bench_digest=content["bench_digest"],
             motion=content["motion"],
+            source=content.get("source", {}),
             seed=content["seed"],
             watch_s=content["watch_s"],
             start_s=content["start_s"],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import time
@@ -14,7 +13,9 @@ from fieldbus.errors import ConfigurationError
 from hil._workers import number_of_processes
 from hil.campaign import load_bench_file
 from hil.envelope._adaptive import Grid
-from hil.envelope._branching import Branching, Course, Job, Prepared, Row, Witness
+from hil.envelope._branching import Branching, Course, Job, Row, Witness
+from hil.envelope._motion import Body, Motion, motion_of
+from hil.envelope._parts import Part, run_on_cluster
 from hil.envelope._result import Branch, Envelope
 from hil.envelope._stimulus import Stimulus, stimulus_from_text
 from hil.errors import CannotRunError
@@ -24,21 +25,24 @@ if TYPE_CHECKING:
     from hil.protocols import BenchFile
 
 JOURNAL_FILE: Final = "branches.jsonl"
+RunJobs = Callable[[Sequence[Job], Callable[[Row], object]], None]
+"""Runs branches; tells the row of each."""
 OnBranch = Callable[[int, int], object]
 """Called after every branch: how many are done, how many are planned so far."""
 
 
 def sweep(
     bench: str | Path | BenchFile[Bench],
-    motion: Callable[[Bench], object],
+    motion: Body | Motion,
     stimuli: Sequence[str | Stimulus],
     *,
-    before: Callable[[Bench], object] | None = None,
+    before: Body | None = None,
     every: int = 1,
     seed: int = 1,
     watch_s: float = 1.0,
     rules: bool = True,
     jobs: int = 0,
+    cluster: str = "",
     budget_s: float | None = None,
     folder: str | Path | None = None,
     resume: bool = False,
@@ -49,7 +53,8 @@ def sweep(
 
     Args:
         bench: Bench file, embedded name or `module:NAME`; in virtual time.
-        motion: Test code that moves: it is copied at the end of its application cycles.
+        motion: Test code that moves: it is copied at the end of its application cycles. Or a `Motion`, which
+            has its `before` and its name.
         stimuli: What copies are broken with: `drive.fault:code=0x2310`, `operator.disable`, or `Stimulus`.
         before: Test code that brings the bench to the start of the motion.
         every: A copy at every so many cycles; 0: coarse first, then between neighbours that differ.
@@ -57,6 +62,8 @@ def sweep(
         watch_s: Time that a copy is watched after its stimulus, s.
         rules: Judge every copy by the rules that hold in every run.
         jobs: Copies at the same time; 0: one for every processor. The result does not depend on it.
+        cluster: Address of a dask scheduler, on whose workers the branches run; bench and motion are found
+            there by the same names as here. Empty: on this machine.
         budget_s: Wall time after which no further part of a pass is begun; None: no limit.
         folder: Keep what is done here as it is done, and the result; None: in memory only.
         resume: Go on with the branches in the folder.
@@ -64,12 +71,13 @@ def sweep(
         on_branch: Told after every branch.
 
     Returns:
-        The envelope; the same for the same arguments, but for `jobs`, `folder` and `resume`.
+        The envelope; the same for the same arguments, but for `jobs`, `cluster`, `folder` and `resume`.
 
     Raises:
         ConfigurationError: A stimulus cannot be read, there is none, or a time is no time.
         NotBranchableError: The bench is not in virtual time, or the system cannot fork.
-        CannotRunError: The motion does not work undisturbed, or the folder has another envelope.
+        CannotRunError: The motion does not work undisturbed, the folder has another envelope, or there is no
+            such cluster.
 
     """
     if not watch_s > 0.0:
@@ -78,34 +86,49 @@ def sweep(
     given = list(dict.fromkeys(given))
     if not given:
         raise ConfigurationError("stimuli", "", "at least one fault or operator action")
-    file = load_bench_file(str(bench)) if isinstance(bench, str | Path) else bench
-    branching = Branching(file, Prepared(motion, before), given, seed=seed, watch_s=watch_s, rules=rules)
+    chosen = motion if isinstance(motion, Motion) else motion_of(motion, before, name)
+    reference = str(bench) if isinstance(bench, str | Path) else ""
+    if cluster and not (reference and chosen.reference):
+        raise CannotRunError(
+            "workers of a cluster find bench and motion by name: give the bench as a name or path, and "
+            "functions at the top level of a file"
+        )
+    file = load_bench_file(reference) if isinstance(bench, str | Path) else bench
+    branching = Branching(file, chosen, given, seed=seed, watch_s=watch_s, rules=rules)
     course = branching.course()
-    motion_name = name or getattr(motion, "__name__", "motion")
     if course.problem:
-        raise CannotRunError(f"{motion_name} does not work undisturbed: {course.problem}")
+        raise CannotRunError(f"{chosen.name} does not work undisturbed: {course.problem}")
     if not course.cycles:
-        raise CannotRunError(f"{motion_name} takes no time: there is nothing to branch off")
+        raise CannotRunError(f"{chosen.name} takes no time: there is nothing to branch off")
     refused = branching.refusals()
     texts = [str(one) for one in given]
     facts = {
         "bench": file.name,
-        "bench_digest": hashlib.sha256(file.text.encode()).hexdigest(),
-        "motion": motion_name,
+        "bench_digest": file.digest,
+        "motion": chosen.name,
         "seed": seed,
         "watch_s": watch_s,
         "rules": rules,
         "stimuli": texts,
         "cycles": course.cycles,
     }
+
+    def here(wanted: Sequence[Job], on_row: Callable[[Row], object]) -> None:
+        branching.run(wanted, course, number_of_processes(jobs), on_row)
+
+    def there(wanted: Sequence[Job], on_row: Callable[[Row], object]) -> None:
+        run_on_cluster(cluster, part, wanted, on_row)
+
+    def part(some: Sequence[Job]) -> Part:
+        return Part(reference, file.digest, chosen.reference, given, seed, watch_s, rules, course, some)
+
     with _Journal(None if folder is None else Path(folder), facts, resume=resume) as journal:
         skipped = _passes(
-            branching,
+            there if cluster else here,
             course,
             journal,
             grid=Grid(every),
             numbers=[number for number in range(len(given)) if number not in refused],
-            processes=number_of_processes(jobs),
             until=None if budget_s is None else time.monotonic() + budget_s,
             on_branch=on_branch,
             texts=texts,
@@ -113,8 +136,9 @@ def sweep(
         rows = journal.rows
     envelope = Envelope(
         bench=file.name,
-        bench_digest=str(facts["bench_digest"]),
-        motion=motion_name,
+        bench_digest=file.digest,
+        motion=chosen.name,
+        source={"bench": reference, "motion": chosen.reference} if reference and chosen.reference else {},
         seed=seed,
         watch_s=watch_s,
         start_s=course.start_s,
@@ -138,11 +162,11 @@ def sweep(
 
 def witness(
     bench: str | Path | BenchFile[Bench],
-    motion: Callable[[Bench], object],
+    motion: Body | Motion,
     stimulus: str | Stimulus,
     cycle: int,
     *,
-    before: Callable[[Bench], object] | None = None,
+    before: Body | None = None,
     seed: int = 1,
     watch_s: float = 1.0,
     rules: bool = True,
@@ -155,7 +179,8 @@ def witness(
     """
     given = stimulus if isinstance(stimulus, Stimulus) else stimulus_from_text(stimulus)
     file = load_bench_file(str(bench)) if isinstance(bench, str | Path) else bench
-    branching = Branching(file, Prepared(motion, before), [given], seed=seed, watch_s=watch_s, rules=rules)
+    chosen = motion if isinstance(motion, Motion) else motion_of(motion, before)
+    branching = Branching(file, chosen, [given], seed=seed, watch_s=watch_s, rules=rules)
     course = branching.course()
     if not 0 <= cycle < course.cycles:
         raise ConfigurationError("cycle", cycle, f"0 to {course.cycles - 1}, the cycles of the motion")
@@ -163,13 +188,12 @@ def witness(
 
 
 def _passes(
-    branching: Branching,
+    run_jobs: RunJobs,
     course: Course,
     journal: _Journal,
     *,
     grid: Grid,
     numbers: Sequence[int],
-    processes: int,
     until: float | None,
     on_branch: OnBranch | None,
     texts: Sequence[str],
@@ -189,7 +213,7 @@ def _passes(
                 if on_branch is not None:
                     on_branch(len(journal.rows), most)
 
-            branching.run(part, course, processes, take)
+            run_jobs(part, take)
         if planned - journal.rows.keys():
             return len(planned - journal.rows.keys())
         by_stimulus: dict[int, list[Branch]] = {number: [] for number in numbers}

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib.resources import files
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,7 +17,13 @@ _INK: Final = "#7a8592"
 """Text of plots: readable on a light and on a dark page."""
 
 
-def write_envelope(path: Path, content: Content, measures: Sequence[tuple[str, str]]) -> Path:
+def write_envelope(
+    path: Path,
+    content: Content,
+    measures: Sequence[tuple[str, str]],
+    compared: Sequence[Sequence[str]] = (),
+    other: str = "",
+) -> Path:
     """Write a page that needs no network.
 
     Args:
@@ -26,6 +31,8 @@ def write_envelope(path: Path, content: Content, measures: Sequence[tuple[str, s
         content: The values of an `envelope.json`.
         measures: Name and unit of every measure; `position` stands for the unit of the axis. The first one
             is shown first, and orders the worst points.
+        compared: Stimulus, axis with measure, worst value in another envelope, and in this one.
+        other: Name of the other envelope.
 
     Returns:
         `path`.
@@ -45,14 +52,16 @@ def write_envelope(path: Path, content: Content, measures: Sequence[tuple[str, s
                 "reach": Markup(_reach(content, name, script=number == 0)),  # noqa: S704 - made by plotly
                 "heat": Markup(_heat(content, name, named)),  # noqa: S704 - made by plotly
                 "measures": [f"{one}, {kind}" for one, kind in named],
-                "worst": _worst(content, name, [one for one, _ in measures]),
+                "worst": [_worst(one, name, named) for one in content["worst"][name]],
             }
         )
     page = environment.get_template("envelope.html.j2").render(
         title=content["motion"],
         e=content,
         axes=axes,
-        cliffs=_cliffs(content),
+        cliffs=[_cliff(one) for one in content["cliffs"]],
+        compared=compared,
+        other=other,
         failures=[
             {
                 "stimulus": one["stimulus"],
@@ -186,36 +195,23 @@ def _heat(content: Content, axis: str, measures: Sequence[tuple[str, str]]) -> s
     return _html(figure, script=False)
 
 
-def _worst(content: Content, axis: str, measures: Sequence[str], most: int = 10) -> list[dict[str, object]]:
-    first = measures[0]
-    found = []
-    for branches in _by_stimulus(content).values():
-        known = [branch for branch in branches if _value(branch, axis, first) is not None]
-        if known:
-            found.append(max(known, key=lambda one: _value(one, axis, first) or 0.0))
-    found.sort(key=lambda one: -(_value(one, axis, first) or 0.0))
-    return [
-        {
-            "stimulus": one["stimulus"],
-            "at": f"cycle {one['cycle']}, {one['time_s']:.3f} s",
-            "values": [f"{_value(one, axis, name):.4g}" for name in measures],
-            "reaction": one["reaction"],
-        }
-        for one in found[:most]
-    ]
+def _worst(branch: Content, axis: str, measures: Sequence[tuple[str, str]]) -> dict[str, object]:
+    return {
+        "stimulus": branch["stimulus"],
+        "at": f"cycle {branch['cycle']}, {branch['time_s']:.3f} s",
+        "values": [
+            "" if (value := _value(branch, axis, name)) is None else f"{value:.4g}" for name, _ in measures
+        ],
+        "reaction": branch["reaction"],
+        "token": branch["token"],
+    }
 
 
-def _cliffs(content: Content) -> list[dict[str, str]]:
-    found = []
-    for stimulus, branches in _by_stimulus(content).items():
-        for left, right in pairwise(branches):
-            if left["reaction"] != right["reaction"]:
-                found.append(
-                    {
-                        "stimulus": stimulus,
-                        "between": f"{left['time_s']:.3f} and {right['time_s']:.3f} s",
-                        "before": left["reaction"],
-                        "after": right["reaction"],
-                    }
-                )
-    return found
+def _cliff(cliff: Content) -> dict[str, str]:
+    before, after = cliff["before"], cliff["after"]
+    return {
+        "stimulus": cliff["stimulus"],
+        "between": f"{before['time_s']:.3f} and {after['time_s']:.3f} s",
+        "before": before["reaction"],
+        "after": after["reaction"],
+    }

@@ -1,6 +1,7 @@
 """Stop envelopes: copies of a running bench, what is measured in them, and what is made of it."""
 
 import json
+import sys
 
 import pytest
 
@@ -80,7 +81,7 @@ def test_the_numbers_are_those_of_the_stop():
 
 
 @pytest.mark.exhaustive
-def test_a_sweep_goes_on_where_it_was_killed(tmp_path):
+def test_a_sweep_goes_on_where_it_was_killed(tmp_path, monkeypatch):
     """Branches are kept as they end; the rest of a cut line is dropped; another envelope is not continued."""
     whole = envelope("operator.halt", folder=tmp_path)
     journal = tmp_path / "branches.jsonl"
@@ -95,6 +96,9 @@ def test_a_sweep_goes_on_where_it_was_killed(tmp_path):
     header, *rows = (tmp_path / "envelope.csv").read_text().splitlines()
     assert header.startswith("stimulus,cycle,time_s,axis,position_unit,stop_distance")
     assert len(rows) == len(whole.branches)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(CannotRunError, match=r"pip install 'motion-hil\[parquet\]'"):
+        whole.save_parquet(tmp_path / "envelope.parquet")
 
 
 def test_coarse_first_then_where_it_changes():
@@ -185,7 +189,8 @@ def test_command(tmp_path, monkeypatch, capsys):
     assert main([*common, "--every", "12", "--report", "one", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["branches"] == 3
-    assert answer["worst"]["axis1.stop_distance"]["unit"] == "mm"
+    worst = answer["worst"]["axis1.stop_distance"]
+    assert worst["unit"] == "mm"
     page = (tmp_path / "one" / "envelope.html").read_text()
     assert "Plotly.newPlot" in page
     assert "operator.disable:stop_mode=2" in page
@@ -195,5 +200,15 @@ def test_command(tmp_path, monkeypatch, capsys):
     assert alone["digest"] == same.digest
     assert main([*common[:-1], "operator.halt", "--every", "12", "--report", "two", "--against", "one"]) == 0
     assert "operator.halt, axis1 stop distance: none -> " in capsys.readouterr().err
+    assert "Compared with reference axis, ours.py:motion" in (tmp_path / "two" / "envelope.html").read_text()
+    assert main(["replay", worst["token"], "--report", "again", "--json"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again["verdict"] == "passed", again["message"]
+    assert f"hil replay {worst['token']}" in page
+    (tmp_path / "ours.py").write_text(
+        (tmp_path / "ours.py").read_text().replace("move_velocity(50.0)", "move_velocity(60.0)")
+    )
+    assert main(["replay", worst["token"], "--report", "again", "--json"]) == 1
+    assert "The trace is not that of the sweep" in capsys.readouterr().out
     assert main([*common, "--every", "0"]) == 2
     assert "--every" in capsys.readouterr().err

@@ -14,6 +14,7 @@ from hil._workers import Answer, CopyStarter, Pool, start_interpreter
 from hil.campaign import Runner, RunOptions, _limits, find_campaigns, select_cases
 from hil.campaign import _runner as runner_module
 from hil.campaign._executor import InProcess, LocalProcesses
+from hil.envelope import move_absolute, sweep
 from hil.errors import CannotRunError
 from reports import run_digest
 from reports.model import Verdict
@@ -183,6 +184,19 @@ def test_a_cluster_gives_what_this_machine_gives_also_when_a_worker_is_killed(cl
         assert mine.files == theirs.files
         for name in mine.files.values():
             assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "there" / name).read_bytes(), name
+
+
+@pytest.mark.exhaustive
+def test_an_envelope_on_a_cluster_is_that_of_this_machine(cluster):
+    """A sweep gives the same on the workers of a cluster; what they cannot find by name is refused."""
+    address, _ = cluster
+    motion = move_absolute("", 5.0, 200.0)
+    settings = {"every": 20, "watch_s": 0.2, "rules": False}
+    here = sweep("reference", motion, ["operator.halt"], **settings)
+
+    assert sweep("reference", motion, ["operator.halt"], cluster=address, **settings) == here
+    with pytest.raises(CannotRunError, match="at the top level of a file"):
+        sweep("reference", lambda bench: bench.run_for(0.1), ["operator.halt"], cluster=address)
 
 
 def test_a_cluster_that_is_not_there_is_reported(monkeypatch):
