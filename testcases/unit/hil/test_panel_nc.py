@@ -5,7 +5,7 @@ import io
 import pytest
 
 from fieldbus.errors import ConfigurationError
-from hil._commands._panel_nc import NcPanelSession
+from hil.panel import NcPanelSession
 from hil._commands.panel import run_panel
 from hil.campaign import load_bench_file
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import ConfigurationError
-from hil._commands._panel_words import help_lines, parse
+from hil.panel._words import help_lines, parse
 from motion.nc.blocks import JogMode, MC_Home, MC_Jog, MC_MoveAbsolute, MC_Stop
 from motion.nc.errors import error_text
 
