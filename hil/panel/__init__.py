@@ -1,0 +1,7 @@
+"""The commands of an operator on one axis, whoever shows them: a terminal, a script, the cockpit."""
+
+from hil.panel._nc import NcPanelSession
+from hil.panel._s7 import PanelSession
+from hil.panel._words import Commands, help_lines, parse
+
+__all__ = ["Commands", "NcPanelSession", "PanelSession", "help_lines", "parse"]
