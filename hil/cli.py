@@ -550,6 +550,48 @@ def panel(
 
 
 @app.command()
+def cockpit(
+    bench: Annotated[
+        str,
+        typer.Argument(metavar="[BENCH]", help="Bench file or embedded name.", autocompletion=_bench_names),
+    ] = "",
+    *,
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port; 0: any that is free.")] = 8791,
+    host: Annotated[
+        str,
+        typer.Option(
+            "--host", metavar="ADDRESS", help="Listen here in place of the loopback; needs --token-file."
+        ),
+    ] = "",
+    token_file: Annotated[
+        Path | None,
+        typer.Option("--token-file", metavar="FILE", help="File with the token, in place of a new one."),
+    ] = None,
+    allow_motion: Annotated[
+        bool, typer.Option("--allow-motion", help="Axes with a physical drive may be moved.")
+    ] = False,
+    show: Annotated[
+        bool, typer.Option("--open", help="Open the page in the browser of this machine.")
+    ] = False,
+    seed: SeedOption = 0,
+) -> None:
+    """Serve a bench to the browser: commission, drive, watch and measure it there."""
+    from hil._commands.cockpit import run_cockpit
+
+    raise typer.Exit(
+        run_cockpit(
+            bench,
+            host=host,
+            port=port,
+            token_file=token_file,
+            allow_motion=allow_motion,
+            show=show,
+            seed=seed,
+        )
+    )
+
+
+@app.command()
 def replay(
     token: Annotated[str, typer.Argument(metavar="TOKEN", help="Token of a case, from report or terminal.")],
     report: ReportOption = Path("hil-report-replay"),

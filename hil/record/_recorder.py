@@ -30,6 +30,7 @@ class Group:
     __slots__ = (
         "_buffer",
         "_chunks",
+        "_dropped",
         "_end",
         "_offset",
         "_pack_into",
@@ -57,6 +58,7 @@ class Group:
         self._stride = layout.size
         self._end = layout.size * ROWS_PER_CHUNK
         self._chunks: list[bytearray] = []
+        self._dropped = 0
         self._buffer = bytearray(self._end)
         self._offset = 0
         self._row = row
@@ -85,8 +87,13 @@ class Group:
 
     @property
     def rows(self) -> int:
-        """Number of rows recorded so far."""
-        return len(self._chunks) * ROWS_PER_CHUNK + self._offset // self._stride
+        """Number of rows recorded so far, those that were dropped included."""
+        return self._dropped + len(self._chunks) * ROWS_PER_CHUNK + self._offset // self._stride
+
+    @property
+    def first_row(self) -> int:
+        """Number of the oldest row that is kept."""
+        return self._dropped
 
     def reader(self, column: str) -> Callable[[], float | None]:
         """Return a cheap function that gives the newest value of `column` (None before the first sample)."""
@@ -111,9 +118,27 @@ class Group:
 
         return read
 
-    def forget(self) -> None:
-        """Drop all rows but the newest ones."""
-        self._chunks.clear()
+    def forget(self, keep: int = 0) -> None:
+        """Drop all rows but the newest ones.
+
+        Args:
+            keep: Number of rows that stay at least.
+
+        """
+        chunks = len(self._chunks) - -(-keep // ROWS_PER_CHUNK)
+        if chunks > 0:
+            del self._chunks[:chunks]
+            self._dropped += chunks * ROWS_PER_CHUNK
+
+    def content_from(self, row: int) -> bytes:
+        """Return the rows from number `row` on, as `content` does, as far as they are kept."""
+        chunk, place = divmod(max(0, row - self._dropped), ROWS_PER_CHUNK)
+        parts = [memoryview(one) for one in self._chunks[chunk:]]
+        parts.append(memoryview(self._buffer)[: self._offset])
+        if chunk > len(self._chunks):
+            return b""
+        parts[0] = parts[0][place * self._stride :]
+        return b"".join(parts)
 
     def content(self) -> bytes:
         """Return all rows, little endian: one 64-bit time in ns and one float64 per column."""

@@ -5,9 +5,9 @@ import io
 import pytest
 
 from fieldbus.errors import ConfigurationError
-from hil.panel import NcPanelSession
 from hil._commands.panel import run_panel
 from hil.campaign import load_bench_file
+from hil.panel import NcPanelSession
 
 pytestmark = pytest.mark.exhaustive
 

@@ -214,7 +214,15 @@ def test_every_command_is_documented(subtests):
                 if option.startswith("-")
             ]
 
-            assert "--json" in options or name in ("emulate", "eds", "init", "panel", "schema", "vcan")
+            assert "--json" in options or name in (
+                "cockpit",
+                "emulate",
+                "eds",
+                "init",
+                "panel",
+                "schema",
+                "vcan",
+            )
             assert [option for option in options if f"`{option}`" not in own + common] == []
             assert [
                 option for option in options if option.startswith("--") and not re.search(rf"{option}\b", own)

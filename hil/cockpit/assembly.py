@@ -1,0 +1,59 @@
+"""The cockpit put together: a bench, its panes and the server."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hil.cockpit.machine import Machine
+from hil.cockpit.messages import RateLimit
+from hil.cockpit.operator import Control
+from hil.cockpit.panes.axis import AxisPane
+from hil.cockpit.panes.bench import BenchPane
+from hil.cockpit.panes.scope import ScopePane
+from hil.cockpit.panes.time_control import TimePane
+from hil.cockpit.security import Admission
+from hil.cockpit.server import application
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp
+
+    from hil.bench import BenchFile
+
+
+def cockpit(
+    bench_file: BenchFile,
+    *,
+    token: str,
+    port: int,
+    hosts: Iterable[str],
+    folder: Path,
+    allow_motion: bool = False,
+    seed: int = 0,
+    rate: Callable[[], RateLimit] = RateLimit,
+) -> ASGIApp:
+    """Return a cockpit as an ASGI application.
+
+    Args:
+        bench_file: The bench that comes first.
+        token: What opens it.
+        port: Port of the server.
+        hosts: Values of `Host` under which it is reached, with the port.
+        folder: Bench files below it may be opened; what is saved goes there.
+        allow_motion: Whether axes with a physical drive may be moved.
+        seed: Seed of every bench.
+        rate: Makes the count of the messages of one page.
+
+    """
+    control = Control()
+    machine = Machine(bench_file, control, seed=seed)
+    machine.use(
+        [
+            TimePane(machine, control),
+            BenchPane(machine, folder),
+            AxisPane(control, folder, allow_motion=allow_motion),
+            ScopePane(),
+        ]
+    )
+    return application(machine, Admission(token, port), hosts, rate=rate)

@@ -1,0 +1,398 @@
+"""An axis as an operator has it, of either make: what is shown, what may be done, and the sign of life."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+from fieldbus.errors import HilError
+from hil.cockpit.messages import MessageError
+from hil.panel import NcPanelSession, PanelSession, parse
+from motion.nc.errors import error_text
+from motion.s7.axis.state import ENABLED
+
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
+
+MONITORING_S: Final = 2.0
+"""Bench time without a sign of life after which an axis is stopped, disabled and given back, s (COM-024)."""
+_ELSEWHERE: Final = frozenset({"axis", "wait", "help", "quit", "status", "optimise"})
+"""Commands of a terminal that the cockpit has other ways for, or that would keep it waiting."""
+_REACTIONS: Final = {
+    0: "no reaction",
+    1: "stop with the dynamics of the job",
+    2: "stop with the maximum dynamics",
+    3: "stop with the emergency ramp",
+    4: "the enable is removed",
+    5: "setpoints follow the actual values",
+}
+_RESTART: Final = "Remove the cause, then restart the technology object."
+_ACKNOWLEDGE: Final = "Remove the cause, then acknowledge."
+_ENABLE_AGAIN: Final = "Remove the cause, acknowledge, then enable the axis again."
+_WARNING: Final = "A warning: the axis goes on. Acknowledge it."
+
+
+class AxisDesk(Protocol):
+    """What the cockpit needs of an axis."""
+
+    @property
+    def commands(self) -> Mapping[str, tuple[str, str]]:
+        """Name -> names of its values (optional ones in brackets), what it does in words."""
+
+    def description(self) -> dict[str, Any]:
+        """Return what does not change: kind, units, limits."""
+
+    def state(self) -> dict[str, Any]:
+        """Return state, values, alarms and notes."""
+
+    def execute(self, name: str, values: list[str | float]) -> str:
+        """Carry out a command; returns what it says.
+
+        Raises:
+            HilError: What the panel says to it.
+
+        """
+
+    def jog(self, percent: float) -> None:
+        """Jog as long as it is held; 0: let go."""
+
+    def beat(self) -> None:
+        """Give a sign of life."""
+
+    def stop(self) -> None:
+        """Stop as fast as the dynamics allow; harmless where nothing moves by the panel."""
+
+    def watch(self) -> None:
+        """Look whether the sign of life has failed for too long."""
+
+    def release(self) -> None:
+        """Give the axis back, without waiting for it."""
+
+    def close(self) -> None:
+        """Give the axis back and wait for it."""
+
+
+class _Said:
+    """What a session says."""
+
+    def __init__(self) -> None:
+        self._lines: list[str] = []
+
+    def add(self, text: str) -> None:
+        self._lines.append(text)
+
+    def take(self) -> str:
+        text = "\n".join(self._lines)
+        self._lines.clear()
+        return text
+
+
+def _execute(session: PanelSession | NcPanelSession, name: str, values: list[str | float]) -> None:
+    if name in _ELSEWHERE:
+        raise MessageError(f"command {name}: not in the cockpit")
+    # By the way of a line, which checks names and numbers.
+    line = " ".join([name, *(one if isinstance(one, str) else repr(one) for one in values)])
+    if parse(line, session.commands) is None:
+        raise MessageError("command: none is given")
+    session.execute(line)
+
+
+def _offered(session: PanelSession | NcPanelSession) -> dict[str, tuple[str, str]]:
+    return {
+        name: (usage, text) for name, (usage, text, _) in session.commands.items() if name not in _ELSEWHERE
+    }
+
+
+class S7Desk:
+    """An S7 axis.
+
+    Args:
+        bench: The bench.
+        name: Name of the axis.
+        folder: Where pages are written.
+
+    """
+
+    def __init__(self, bench: Bench, name: str, folder: Path) -> None:
+        self._said = _Said()
+        self._axis = axis = bench.axis(name)
+        self._session = PanelSession(
+            bench,
+            name,
+            monitoring_s=MONITORING_S,
+            plot=folder / "hil-optimisation.html",
+            write=self._said.add,
+            advise=self._said.add,
+            alive=False,
+        )
+        self._panel = self._session.panel
+        self._torque = bench.recorder.reader(f"{name}.actual_torque")
+        self.commands = _offered(self._session)
+        self._units = {
+            what: self._session.unit(what) for what in ("Length", "Velocity", "Acceleration", "Jerk")
+        }
+        self._leaders = [one.name for one in axis.object.leading_objects]
+        self._read: Callable[[str], Any] = axis.var
+
+    def description(self) -> dict[str, Any]:
+        """Return what does not change."""
+        axis, read = self._axis, self._read
+        position = axis.has_position
+        limits: dict[str, Any] = {
+            "velocity": read("DynamicLimits.MaxVelocity"),
+            "acceleration": read("DynamicLimits.MaxAcceleration"),
+            "deceleration": read("DynamicLimits.MaxDeceleration"),
+            "jerk": read("DynamicLimits.MaxJerk"),
+        }
+        if position:
+            limits["following_error"] = read("FollowingError.MaxValue")
+            if axis.object.modulo.enabled:
+                limits["position"] = [0.0, axis.object.modulo.length]
+            elif read("PositionLimits_SW.Active"):
+                limits["position"] = [
+                    read("PositionLimits_SW.MinPosition"),
+                    read("PositionLimits_SW.MaxPosition"),
+                ]
+        return {
+            "make": "s7",
+            "type": type(axis.object).__name__,
+            "position": position,
+            "units": {name.lower(): unit for name, unit in self._units.items()},
+            "limits": limits,
+            "leaders": self._leaders,
+            "commands": self.commands,
+        }
+
+    def state(self) -> dict[str, Any]:
+        """Return what changes."""
+        axis, panel, session, read = self._axis, self._panel, self._session, self._read
+        found: dict[str, Any] = {
+            "state": axis.state.name.lower().replace("_", " "),
+            "enabled": axis.state in ENABLED,
+            "master": "panel" if panel.active else "program",
+            "velocity": read("ActualVelocity") if axis.has_position else read("ActualSpeed"),
+            "velocity_setpoint": read("Velocity"),
+            "torque": self._torque(),
+            "alarms": [
+                {
+                    "number": one.number,
+                    "class": one.entry.alarm_class,
+                    "text": one.text,
+                    "reaction": _REACTIONS.get(one.reaction, f"reaction {one.reaction}"),
+                    "causes": list(one.entry.causes),
+                    "remedy": _remedy(one.entry.alarm_class, one.restart, one.stays_enabled),
+                }
+                for one in reversed(axis.alarms.engine.pending)
+            ],
+            "notes": session.notes(),
+            "slider": panel.slider,
+            "dynamics": {
+                name: getattr(panel, name) for name in ("velocity", "acceleration", "deceleration", "jerk")
+            },
+            "job": getattr(panel.job, "instruction", None)
+            if panel.job is not None and panel.job.Busy
+            else None,
+        }
+        if axis.has_position:
+            found |= {
+                "homed": axis.homed,
+                "position": read("ActualPosition"),
+                "position_setpoint": read("Position"),
+                "following_error": read("StatusPositioning.FollowingError"),
+                "switches": {
+                    text: bool(axis.var(path))
+                    for text, path in (
+                        ("hardware -", "StatusWord.X17"),
+                        ("hardware +", "StatusWord.X18"),
+                        ("software -", "StatusWord.X15"),
+                        ("software +", "StatusWord.X16"),
+                    )
+                },
+            }
+            job = axis.object.motion.synchronous_job
+            if job is not None:
+                found["synchronous"] = (
+                    f"{job.instruction}, {'synchronous' if job.synchronous else 'synchronises'}"
+                )
+        return found
+
+    def execute(self, name: str, values: list[str | float]) -> str:
+        """Carry out a command."""
+        _execute(self._session, name, values)
+        return self._said.take()
+
+    def jog(self, percent: float) -> None:
+        """Jog, or let go."""
+        if percent:
+            self._session.execute(f"jog {percent!r}")
+            self._said.take()
+        elif self._panel.active:
+            self._panel.slide(0.0)
+
+    def beat(self) -> None:
+        """Give a sign of life."""
+        self._panel.heartbeat()
+
+    def stop(self) -> None:
+        """Stop with the greatest deceleration (COM-029)."""
+        if self._panel.active:
+            try:
+                self._panel.look_away()
+            except HilError:
+                return  # it is being given back, which has stopped it
+
+    def watch(self) -> None:
+        """The panel watches its sign of life by itself."""
+
+    def release(self) -> None:
+        """Give the axis back."""
+        self._panel.release()
+
+    def close(self) -> None:
+        """Give the axis back and wait for it."""
+        self._panel.keep_alive(MONITORING_S / 5)
+        self._session.close()
+
+
+def _remedy(alarm_class: str, restart: bool, stays_enabled: bool) -> str:
+    if restart or alarm_class == "R":
+        return _RESTART
+    if alarm_class == "W":
+        return _WARNING
+    return _ACKNOWLEDGE if stays_enabled else _ENABLE_AGAIN
+
+
+class NcDesk:
+    """An NC axis. It has no sign of life of its own, so that the rule of the panel is kept here.
+
+    Args:
+        bench: The bench.
+        name: Name of the axis.
+
+    """
+
+    def __init__(self, bench: Bench, name: str) -> None:
+        self._bench = bench
+        self._said = _Said()
+        self._axis = bench.axis(name, controller="nc")
+        self._session = NcPanelSession(bench, name, write=self._said.add)
+        self.commands = _offered(self._session)
+        self._beat_s = bench.now_s
+        self._jogs = 0.0
+
+    def _number(self, key: str) -> float:
+        return float(self._axis.read_parameter(key))
+
+    def description(self) -> dict[str, Any]:
+        """Return what does not change."""
+        view = self._axis.online.view()
+        unit = view.position_unit
+        limits: dict[str, Any] = {"velocity": self._number("axis.max_velocity")}
+        if self._axis.read_parameter("axis.soft_limit_min_enable") or self._axis.read_parameter(
+            "axis.soft_limit_max_enable"
+        ):
+            limits["position"] = [
+                self._number("axis.soft_limit_min"),
+                self._number("axis.soft_limit_max"),
+            ]
+        return {
+            "make": "nc",
+            "type": "NcAxis",
+            "position": True,
+            "units": {
+                "length": unit,
+                "velocity": view.velocity_unit,
+                "acceleration": f"{unit}/s2",
+                "jerk": f"{unit}/s3",
+            },
+            "limits": limits,
+            "leaders": [],
+            "commands": self.commands,
+        }
+
+    def state(self) -> dict[str, Any]:
+        """Return what changes."""
+        view = self._axis.online.view()
+        error = self._axis.error_id
+        words = (
+            (view.ready, "ready"),
+            (view.has_job, "has job"),
+            (view.moving_fw, "moving forward"),
+            (view.moving_bw, "moving backward"),
+            (view.not_moving, "not moving"),
+        )
+        return {
+            "state": ", ".join(text for flag, text in words if flag),
+            "enabled": view.ready,
+            "master": "panel",
+            "homed": view.calibrated,
+            "position": view.actual_position,
+            "position_setpoint": view.setpoint_position,
+            "velocity": view.actual_velocity,
+            "velocity_setpoint": view.setpoint_velocity,
+            "following_error": view.lag_distance,
+            "torque": None,
+            "output": view.total_output,
+            "override": view.override,
+            "switches": {},
+            "alarms": [
+                {
+                    "number": error,
+                    "class": "F",
+                    "text": error_text(error),
+                    "reaction": "the axis is stopped",
+                    "causes": [],
+                    "remedy": "Remove the cause, then reset the axis.",
+                }
+            ]
+            if error
+            else [],
+            "notes": self._session.notes(),
+            "slider": self._jogs,
+            "dynamics": {},
+            "job": "job" if view.has_job else None,
+        }
+
+    def execute(self, name: str, values: list[str | float]) -> str:
+        """Carry out a command."""
+        self.beat()
+        _execute(self._session, name, values)
+        return self._said.take()
+
+    def jog(self, percent: float) -> None:
+        """Hold one of the keys F1 to F4: above half of the slider the fast ones (NC-232 to NC-235)."""
+        self.beat()
+        self._jogs = percent
+        if not percent:
+            self._session.execute("release")
+            return
+        fast = abs(percent) > 50.0
+        key = {(True, True): "f4", (True, False): "f3", (False, False): "f2", (False, True): "f1"}[
+            (percent > 0.0, fast)
+        ]
+        self._session.execute(key)
+
+    def beat(self) -> None:
+        """Give a sign of life."""
+        self._beat_s = self._bench.now_s
+
+    def stop(self) -> None:
+        """Stop, if it is in operation."""
+        self._jogs = 0.0
+        if self._axis.operational:
+            self._session.execute("f6")
+
+    def watch(self) -> None:
+        """Take the enables away when no sign of life has come for the monitoring time."""
+        if self._axis.operational and self._bench.now_s - self._beat_s > MONITORING_S:
+            self.release()
+
+    def release(self) -> None:
+        """Take the enables away."""
+        self._jogs = 0.0
+        self._session.execute("disable")
+
+    def close(self) -> None:
+        """Stop, and take the enables away."""
+        self._session.close()

@@ -1,0 +1,185 @@
+"""The scope: recorded signals to the pages, every sample of them, in binary frames.
+
+A frame holds rows of one group of signals, which are sampled together; little endian:
+
+    uint8 1, uint8 flags, uint16 number of the subscription, uint32 rows, uint32 group, uint32 columns,
+    float64 times[rows] in s, then float64 values[rows] of every column
+
+`flags` bit 0: samples are missing before this frame, because the page was too slow. Numbers of groups and
+columns are those of the reply to the subscription.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from struct import Struct
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+
+import numpy as np
+from pydantic import Field
+
+from hil.cockpit.messages import Message, MessageError
+from hil.cockpit.pane import Handler, Pane
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from hil.bench.bench import Bench
+    from hil.cockpit.client import Client
+    from hil.record import Group
+
+_HEADER: Final = Struct("<BBHIII")
+_SAMPLES: Final = 1
+_GAP: Final = 1
+_PERIOD_S: Final = 1 / 30
+"""Time between two frames, s."""
+_MOST_ROWS: Final = 20_000
+"""Rows of a frame."""
+_MOST_BEHIND: Final = 60_000
+"""Rows that a page may lag behind before samples are left out."""
+KEPT_ROWS: Final = 300_000
+"""Rows of a group that are kept for pages that come later, and for what is saved: five minutes at 1 kHz."""
+
+
+class Subscribe(Message):
+    """Show these signals from now on, in place of those before; none: no more."""
+
+    operates = False
+    kind: Literal["scope.subscribe"]
+    signals: Annotated[list[Annotated[str, Field(min_length=3, max_length=200)]], Field(max_length=64)]
+    number: Annotated[int, Field(ge=0, le=65535)]
+    """Number of the subscription, which its frames carry."""
+    back_s: Annotated[float, Field(ge=0.0, le=600.0)] = 0.0
+    """How much of what is recorded already comes first, s."""
+
+
+class _Stream:
+    """The samples of one group to one page."""
+
+    __slots__ = ("columns", "group", "index", "lost", "row")
+
+    def __init__(self, index: int, group: Group, columns: list[int], row: int) -> None:
+        self.index = index
+        self.group = group
+        self.columns = columns
+        self.row = row
+        """Number of the next row that goes out."""
+        self.lost = False
+
+    def frame(self, number: int) -> bytes | None:
+        """Return the next rows; None when there are no new ones."""
+        group = self.group
+        rows = group.rows
+        oldest = max(group.first_row, rows - _MOST_BEHIND)
+        if self.row < oldest:
+            self.row = oldest
+            self.lost = True
+        if self.row >= rows:
+            return None
+        width = 1 + len(group.columns)
+        table = np.frombuffer(group.content_from(self.row), dtype="<f8").reshape(-1, width)[:_MOST_ROWS]
+        flags = _GAP if self.lost else 0
+        self.lost = False
+        self.row += len(table)
+        times = table[:, 0].view("<i8") * 1e-9
+        values = np.ascontiguousarray(table[:, [1 + one for one in self.columns]].T)
+        header = _HEADER.pack(_SAMPLES, flags, number, len(table), self.index, len(self.columns))
+        return b"".join([header, times.tobytes(), values.tobytes()])
+
+
+class _Subscription:
+    def __init__(self, number: int, streams: list[_Stream]) -> None:
+        self.number = number
+        self.streams = streams
+
+
+class ScopePane(Pane):
+    """Signals of the recorder for the pages."""
+
+    name = "scope"
+
+    def __init__(self) -> None:
+        self._bench: Bench | None = None
+        self._subscriptions: dict[Client, _Subscription] = {}
+        self._next_s = 0.0
+
+    @property
+    def handlers(self) -> Mapping[type[Message], Handler]:
+        """What it takes."""
+        return {Subscribe: self._subscribe}
+
+    def begin(self, bench: Bench) -> None:
+        """Take up a bench; the pages subscribe anew when they get its description."""
+        self._bench = bench
+
+    def end(self) -> None:
+        """Let go of it."""
+        self._bench = None
+        self._subscriptions.clear()
+
+    def gone(self, client: Client) -> None:
+        """Forget a page."""
+        self._subscriptions.pop(client, None)
+
+    def _subscribe(self, message: Subscribe, client: Client) -> object:
+        bench = self._bench
+        if bench is None:
+            raise MessageError("signals: no bench is up")
+        groups = {group.name: group for group in bench.recorder.groups}
+        wanted: dict[str, list[int]] = {}
+        for signal in dict.fromkeys(message.signals):
+            name, _, column = signal.partition(".")
+            names = [one for one, _ in groups[name].columns] if name in groups else []
+            if column not in names:
+                raise MessageError(f"signals: {signal!r} is not recorded")
+            wanted.setdefault(name, []).append(names.index(column))
+        streams = []
+        for index, (name, columns) in enumerate(wanted.items()):
+            group = groups[name]
+            back = _rows_back(group, message.back_s, bench.scheduler.now)
+            streams.append(_Stream(index, group, columns, group.rows - back))
+        self._subscriptions[client] = _Subscription(message.number, streams)
+        return [
+            [f"{stream.group.name}.{stream.group.columns[one][0]}" for one in stream.columns]
+            for stream in streams
+        ]
+
+    def pulse(self, now_s: float) -> None:
+        """Send what is new, and bound what is kept."""
+        bench = self._bench
+        if bench is None or now_s < self._next_s:
+            return
+        self._next_s = now_s + _PERIOD_S
+        for client, subscription in self._subscriptions.items():
+            if client.busy:
+                continue
+            for stream in subscription.streams:
+                frame = stream.frame(subscription.number)
+                if frame is not None:
+                    client.send(frame)
+        for group in bench.recorder.groups:
+            if group.rows - group.first_row > 2 * KEPT_ROWS:
+                group.forget(KEPT_ROWS)
+
+    def description(self) -> object:
+        """Return all signals with their units, and the texts of those that are states."""
+        bench = self._bench
+        return None if bench is None else list(_signals(bench.recorder.groups))
+
+
+def _rows_back(group: Group, seconds: float, now_ns: int) -> int:
+    """Return how many of the newest rows are not older than some seconds."""
+    if not seconds:
+        return 0
+    from_row = max(group.first_row, group.rows - _MOST_BEHIND)
+    table = np.frombuffer(group.content_from(from_row), dtype="<i8").reshape(-1, 1 + len(group.columns))
+    return len(table) - int(np.searchsorted(table[:, 0], now_ns - round(seconds * 1e9)))
+
+
+def _signals(groups: Iterable[Group]) -> Iterable[dict[str, Any]]:
+    for group in groups:
+        for column, unit in group.columns:
+            signal: dict[str, Any] = {"name": f"{group.name}.{column}", "unit": unit}
+            if column in group.enums:
+                signal["texts"] = group.enums[column]
+            yield signal

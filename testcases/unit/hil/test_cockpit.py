@@ -1,0 +1,242 @@
+"""The cockpit over its WebSocket: who gets in, what is refused, time control, and axes that stop."""
+
+from __future__ import annotations
+
+import json
+import struct
+
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from hil.cockpit.messages import RateLimit
+from testcases.cockpit_rig import TOKEN, served
+
+pytestmark = pytest.mark.exhaustive
+
+
+@pytest.fixture(scope="module")
+def cockpit():
+    with served() as one:
+        yield one
+
+
+@pytest.fixture
+def operator(cockpit):
+    with cockpit.page() as one:
+        one.live()
+        one.do("control.take")
+        one.do("bench.reset")
+        one.until(lambda: one.state["time_s"] and not one.state["axis"]["axis1"]["enabled"], "reset")
+        yield one
+
+
+def enable(one) -> None:
+    one.do("time.run", speed=5.0)
+    one.command("axis1", "take")
+    one.command("axis1", "enable")
+    one.until(lambda: one.state["axis"]["axis1"]["enabled"], "enabled")
+
+
+def position(one) -> float:
+    return one.state["axis"]["axis1"]["position"]
+
+
+def velocity(one) -> float:
+    return one.state["axis"]["axis1"]["velocity"]
+
+
+def test_way_in(cockpit, subtests):
+    """The token opens the cockpit once; without its cookie, from another host or origin nothing is served."""
+    status, headers, _ = cockpit.http("GET", "/")
+    policy = headers["content-security-policy"]
+    assert status == 200
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
+    assert "http" not in policy
+    cookie = cockpit.http("POST", "/enter", TOKEN)[1]["set-cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    assert TOKEN not in cookie
+    for path in ("/page/app.js", "/page/views/axis.js", "/page/cockpit.css", "/uplot.js", "/uplot.css"):
+        with subtests.test(path):
+            assert cockpit.http("GET", path)[0] == 200
+    with subtests.test("wrong token"):
+        assert cockpit.http("POST", "/enter", TOKEN + "x")[0] == 403
+        assert cockpit.http("GET", "/enter")[0] == 401
+        assert cockpit.http("POST", "/enter", "x" * 2000)[0] == 413
+    for cookie in (None, cockpit.cookie + "x"):
+        with (
+            subtests.test(f"socket with cookie {cookie}"),
+            cockpit.connect(cookie=cookie) as socket,
+            pytest.raises(ConnectionClosed) as end,
+        ):
+            socket.recv()
+        assert end.value.rcvd.code == 4401
+    foreign = f"evil.example:{cockpit.port}"
+    for name, header in (
+        ("host", foreign),
+        ("origin", f"http://{foreign}"),
+        ("origin", "http://127.0.0.1:9"),
+    ):
+        with subtests.test(f"{name} {header}"):
+            assert cockpit.http("POST", "/enter", TOKEN, **{name: header})[0] == 403
+            with pytest.raises(InvalidStatus):
+                cockpit.connect(**{name: header})
+    with subtests.test("no origin"), pytest.raises(InvalidStatus):
+        cockpit.connect(origin=None)
+
+
+def test_messages_are_checked(operator, subtests):
+    """What is no message of a known kind with fields in range is refused with its place; the page stays."""
+    for text, place in (
+        ("{", "message"),
+        ("[]", "message"),
+        ("null", "message"),
+        ('{"kind":"nothing"}', "message"),
+        ('{"kind":"axis.jog","axis":"axis1","slider":101}', "slider"),
+        ('{"kind":"axis.jog","axis":"axis1","slider":"5"}', "slider"),
+        ('{"kind":"axis.jog","axis":"axis1","slider":NaN}', "slider"),
+        ('{"kind":"axis.jog","axis":"axis1"}', "slider"),
+        ('{"kind":"time.step","cycles":1,"more":1}', "more"),
+        ('{"kind":"time.step","cycles":1e9}', "cycles"),
+        ('{"kind":"bench.open","source":"../../etc/passwd"}', "source"),
+        ('{"kind":"axis.command","axis":"axis1","command":"wait","values":[3600]}', "command"),
+        ('{"kind":"axis.command","axis":"axis9","command":"stop"}', "axis"),
+        ('{"kind":"axis.command","axis":"axis1","command":"rel","values":[]}', "values"),
+        ('{"kind":"scope.subscribe","signals":["axis1.nothing"],"number":1}', "signals"),
+        ("[" * 50_000, "message"),
+    ):
+        with subtests.test(text[:60]):
+            operator.send(text)
+            reply = operator.reply()
+            assert not reply["ok"]
+            assert place in reply["error"]
+    assert operator.do("bench.list")["embedded"]
+
+
+def test_too_many_messages_end_the_connection():
+    """A page that sends faster than the bound is put out."""
+    with served(rate=lambda: RateLimit(10.0, 20.0)) as cockpit, cockpit.page() as one:
+        for _ in range(40):
+            one.send('{"kind":"life"}')
+        one.until(lambda: one.code == 4429, "put out")
+
+
+@pytest.mark.realtime
+def test_one_operates_and_others_watch(cockpit, operator):
+    """Only the page in control operates, a second one gets control when it is released, and may stop."""
+    with cockpit.page() as other:
+        assert "take control" in other.refused("axis.command", axis="axis1", command="enable", values=[])
+        assert "has control" in other.refused("control.take")
+        enable(operator)
+        operator.command("axis1", "rel", 400.0)
+        operator.until(lambda: velocity(operator) > 10.0, "moves")
+        other.do("axis.stop_all")
+        operator.until(lambda: velocity(operator) == 0.0, "stopped by who watches")
+        assert 0.0 < position(operator) < 390.0
+        operator.do("control.release")
+        other.until(lambda: other.state["operator"] is None, "released")
+        other.until(lambda: other.state["axis"]["axis1"]["master"] == "program", "given back")
+        other.do("control.take")
+        assert other.state["axis"]["axis1"]["alarms"] == []
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize("way", ["closed", "silent", "hidden"])
+def test_jog_ends_with_the_operator(cockpit, way):
+    """A jog ends when its page is closed, gives no sign of life or is hidden; without a sign of life the
+    axis is disabled and given back with alarm 204.
+    """
+    with cockpit.page() as watcher, cockpit.page() as one:
+        one.live()
+        one.do("control.take")
+        one.do("bench.reset")
+        enable(one)
+        one.do("axis.jog", axis="axis1", slider=50.0)
+        watcher.until(lambda: velocity(watcher) > 5.0, "jogs")
+        if way == "closed":
+            one.hush()
+            one.socket.close()
+        elif way == "silent":
+            one.hush()
+        else:
+            one.do("axis.away")
+        watcher.until(lambda: velocity(watcher) == 0.0, "stopped")
+        if way == "hidden":
+            assert watcher.state["axis"]["axis1"]["enabled"]
+            return
+        watcher.until(lambda: watcher.state["axis"]["axis1"]["master"] == "program", "given back")
+        watcher.until(lambda: watcher.state["axis"]["axis1"]["alarms"][0]["number"] == 204, "alarm")
+        assert not watcher.state["axis"]["axis1"]["enabled"]
+
+
+@pytest.mark.realtime
+def test_acknowledging_does_not_energise(operator):
+    """After an alarm that disables the axis, acknowledging leaves it off until it is enabled again."""
+    enable(operator)
+    operator.do("bench.check", text="")
+    operator.hush()
+    operator.until(lambda: operator.state["axis"]["axis1"]["alarms"], "alarm 204")
+    operator.send('{"kind":"life"}')
+    operator.do("control.take")
+    operator.command("axis1", "take")
+    operator.command("axis1", "ack")
+    operator.until(lambda: not operator.state["axis"]["axis1"]["alarms"], "acknowledged")
+    before = operator.state["time_s"]
+    operator.until(lambda: operator.state["time_s"] > before + 0.2, "some time")
+    assert not operator.state["axis"]["axis1"]["enabled"]
+
+
+def test_time_control(operator):
+    """A pause holds bench time, a step is one bus cycle, and a run ends when its condition holds."""
+    operator.do("time.pause")
+    operator.until(lambda: not operator.state["time"]["running"], "pause")
+    operator.do("time.step", cycles=1)
+    operator.until(lambda: operator.state["time_s"] * 1000 % 4 == 0, "on a cycle")
+    before = operator.state["time_s"]
+    operator.do("time.step", cycles=3)
+    operator.until(lambda: operator.state["time_s"] != before, "stepped")
+    assert operator.state["time_s"] == pytest.approx(before + 0.012)
+    operator.do("time.until_time", time_s=before + 0.5)
+    operator.until(lambda: operator.state["time"]["met"], "reached")
+    assert operator.state["time_s"] == pytest.approx(before + 0.5)
+    assert "later" in operator.refused("time.until_time", time_s=before)
+    operator.do("time.until_event", event="axis.state", source="axis1")
+    operator.command("axis1", "take")
+    operator.command("axis1", "enable")
+    operator.until(lambda: "axis.state" in operator.state["time"]["met"], "event")
+    assert not operator.state["time"]["running"]
+
+
+def test_samples(operator):
+    """Every sample of the subscribed signals comes, once and in order; frames say their layout."""
+    operator.samples.clear()
+    operator.do("time.run", speed=20.0)
+    layout = operator.do(
+        "scope.subscribe", signals=["axis1.actual_position", "drive1.torque", "axis1.state"], number=7
+    )
+    assert layout == [["axis1.actual_position", "axis1.state"], ["drive1.torque"]]
+    operator.until(lambda: len(operator.samples) > 20, "frames")
+    times = {0: [], 1: []}
+    for frame in operator.samples:
+        kind, flags, number, rows, group, columns = struct.unpack_from("<BBHIII", frame)
+        assert (kind, flags, number) == (1, 0, 7)
+        assert columns == len(layout[group])
+        assert len(frame) == 16 + 8 * rows * (1 + columns)
+        times[group].append(np.frombuffer(frame, "<f8", rows, 16))
+    for found in times.values():
+        assert np.allclose(np.diff(np.concatenate(found)), 0.004)
+
+
+def test_another_bench(operator):
+    """A text with a mistake is explained and leaves the bench as it is; a right one is brought up."""
+    text = operator.do("bench.text")
+    wrong = text.replace("node_id = 5", "node_id = 500")
+    assert "node_id" in operator.do("bench.check", text=wrong)
+    assert "node_id" in operator.refused("bench.start_text", text=wrong)
+    assert operator.state["axis"]["axis1"]
+    operator.do("bench.start_text", text=text.replace('name = "reference axis"', 'name = "other"'))
+    operator.until(lambda: operator.description["name"] == "other", "other bench")
+    operator.do("bench.open", source="reference")
+    assert json.dumps(operator.do("bench.schema"))
