@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar, Final
 
 from typing_extensions import override
 
 from fieldbus.history import Event
+from hil.expect._arrival import events_between, judge_arrival
 from hil.expect._base import (
-    SLACK_S,
     Expectation,
     Reference,
     check_bound,
@@ -20,7 +20,7 @@ from hil.expect._base import (
     words_of,
     words_of_span,
 )
-from hil.expect._wording import allowed, instant_words, moment, period, within
+from hil.expect._wording import allowed, instant_words, period
 from hil.record import EventSelector, Trace
 from hil.record import event as select_event
 from reports.model import Check
@@ -28,19 +28,11 @@ from reports.model import Check
 _LAST_CODE: Final = 0xFFFF
 
 
-def _entries(trace: Trace, kind: str, axis: str | None, since_s: float, until_s: float) -> list[Event]:
-    return [
-        entry
-        for entry in trace.select(source=axis, kind=kind)
-        if since_s - SLACK_S <= entry.time_ns * 1e-9 <= until_s + SLACK_S
-    ]
-
-
 def _text(entry: Event) -> str:
     return str(entry.data.get("text") or f"0x{int(entry.data.get('error_id') or 0):04X}")
 
 
-def _listed(entries: list[Event]) -> str:
+def _listed(entries: Sequence[Event]) -> str:
     return "; ".join(f"{_text(entry)} at {entry.time_ns * 1e-9:.6f} s" for entry in entries) or "none"
 
 
@@ -87,31 +79,20 @@ class _Code(Expectation):
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
-        since_s = instant(trace, self.since)
-        entries = _entries(trace, self.event_kind, self.axis, since_s, trace.end_s)
-        mine = [entry for entry in entries if entry.data.get("error_id") == self.code]
-        if not mine:
-            bound_s = None if self.within_s is None else since_s + self.within_s
-            instead = f"instead {_text(entries[0])} came" if entries else f"and no other {self.words}"
-            sentence = (
-                f"{self._subject} did not come{moment(self.since, None)}, {instead}{within(self.within_s)}"
-            )
-            return [self.missing(trace, _listed(entries), since_s, bound_s, sentence=sentence)]
-        entry = mine[0]
-        delay_s = entry.time_ns * 1e-9 - since_s
-        return [
-            self.outcome(
-                passed=self.within_s is None or delay_s <= self.within_s + SLACK_S,
-                observed=f"{_listed(mine[:1])}, {delay_s:.6f} s after",
-                time_s=entry.time_ns * 1e-9,
-                value=delay_s,
-                unit="s",
-                low=0.0 if self.within_s is not None else None,
-                high=self.within_s,
-                since_s=since_s,
-                sentence=f"{self._subject} came{moment(self.since, delay_s)}{within(self.within_s)}",
-            )
-        ]
+        entries = events_between(trace, self.event_kind, self.axis, instant(trace, self.since), trace.end_s)
+        return judge_arrival(
+            self,
+            trace,
+            entries,
+            lambda entry: entry.data.get("error_id") == self.code,
+            subject=self._subject,
+            since=self.since,
+            within_s=self.within_s,
+            told=_listed,
+            instead=lambda others: (
+                f"instead {_text(others[0])} came" if others else f"and no other {self.words}"
+            ),
+        )
 
 
 @dataclass(frozen=True)
@@ -186,7 +167,7 @@ class no_axis_error(Expectation):
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
         since_s, until_s = instant(trace, self.since), end_of(trace, self.until)
-        entries = _entries(trace, "axis.error", self.axis, since_s, until_s)
+        entries = events_between(trace, "axis.error", self.axis, since_s, until_s)
         axis = f" of {self.axis}" if self.axis else ""
         when = entries[0].time_ns * 1e-9 if entries else None
         sentence = f"no error{axis} came {period(self.since, self.until)}"

@@ -10,6 +10,7 @@ from typing_extensions import override
 
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import Event
+from hil.expect._arrival import events_between, judge_arrival
 from hil.expect._base import (
     SLACK_S,
     Expectation,
@@ -51,14 +52,6 @@ def nth_of(entries: Sequence[Event], nth: int) -> Event | None:
 def _event_text(entry: Event, *keys: str) -> str:
     parts = [f"{key} {entry.data[key]}" for key in keys if entry.data.get(key) not in (None, "")]
     return f"{', '.join(parts)} at {entry.time_ns * 1e-9:.6f} s"
-
-
-def _alarms(trace: Trace, since_s: float, until_s: float, axis: str | None) -> list[Event]:
-    return [
-        entry
-        for entry in trace.select(source=axis, kind="alarm.raised")
-        if since_s - SLACK_S <= entry.time_ns * 1e-9 <= until_s + SLACK_S
-    ]
 
 
 def _listed(entries: Sequence[Event]) -> str:
@@ -116,40 +109,27 @@ class alarm(Expectation):
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
-        since_s = instant(trace, self.since)
-        entries = _alarms(trace, since_s, trace.end_s, self.axis)
-        mine = [entry for entry in entries if entry.data.get("number") == self.number]
-        if not mine:
-            bound_s = None if self.within_s is None else since_s + self.within_s
-            instead = f"instead {_numbers(entries)} came" if entries else "no alarm came"
-            sentence = (
-                f"{self._subject} did not come{moment(self.since, None)}, {instead}{within(self.within_s)}"
-            )
-            return [self.missing(trace, _listed(entries), since_s, bound_s, sentence=sentence)]
-        entry = mine[0]
-        delay_s = entry.time_ns * 1e-9 - since_s
-        good = self.within_s is None or delay_s <= self.within_s + SLACK_S
-        sentence = f"{self._subject} came{moment(self.since, delay_s)}{within(self.within_s)}"
+        return judge_arrival(
+            self,
+            trace,
+            events_between(trace, "alarm.raised", self.axis, instant(trace, self.since), trace.end_s),
+            lambda entry: entry.data.get("number") == self.number,
+            subject=self._subject,
+            since=self.since,
+            within_s=self.within_s,
+            told=_listed,
+            instead=lambda others: f"instead {_numbers(others)} came" if others else "no alarm came",
+            wrong=self._other_reaction,
+        )
+
+    def _other_reaction(self, entry: Event) -> str:
         found = int(entry.data.get("reaction") or 0)
-        if self.reaction is not None and found != self.reaction:
-            good = False
-            sentence += (
-                f", but with reaction {found} ({reaction_name(found)}) "
-                f"instead of {self.reaction} ({reaction_name(self.reaction)})"
-            )
-        return [
-            self.outcome(
-                passed=good,
-                observed=f"{_event_text(entry, 'number', 'reaction')}, {delay_s:.6f} s after",
-                time_s=entry.time_ns * 1e-9,
-                value=delay_s,
-                unit="s",
-                low=0.0 if self.within_s is not None else None,
-                high=self.within_s,
-                since_s=since_s,
-                sentence=sentence,
-            )
-        ]
+        if self.reaction is None or found == self.reaction:
+            return ""
+        return (
+            f", but with reaction {found} ({reaction_name(found)}) "
+            f"instead of {self.reaction} ({reaction_name(self.reaction)})"
+        )
 
     @property
     def _subject(self) -> str:
@@ -205,7 +185,8 @@ class no_alarm(Expectation):
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
-        entries = _alarms(trace, instant(trace, self.since), end_of(trace, self.until), self.axis)
+        start_s, end_s = instant(trace, self.since), end_of(trace, self.until)
+        entries = events_between(trace, "alarm.raised", self.axis, start_s, end_s)
         entries = [entry for entry in entries if entry.data.get("number") not in self.besides]
         when = entries[0].time_ns * 1e-9 if entries else None
         besides = f" but {', '.join(map(str, self.besides))}" if self.besides else ""
