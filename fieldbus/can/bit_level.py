@@ -81,6 +81,7 @@ class BitLevel:
     Args:
         scheduler: Time.
         bitrate: bit/s.
+        data_bitrate: Of the data phase of CAN FD, bit/s; None: a classical segment.
         nodes: Nodes of the section; the list of the section itself.
         ports: All that may send, likewise.
         errors: Error states of the nodes.
@@ -94,6 +95,7 @@ class BitLevel:
         scheduler: Scheduler,
         *,
         bitrate: int,
+        data_bitrate: int | None = None,
         nodes: list[MediumPort],
         ports: list[MediumPort],
         errors: ErrorHandling,
@@ -104,6 +106,8 @@ class BitLevel:
         """Whether the bus is followed bit by bit."""
         self._scheduler = scheduler
         self._bitrate = bitrate
+        self._data_bitrate = data_bitrate
+        self._rate = bitrate  # of the present bit
         self._nodes = nodes
         self._ports = ports
         self._errors = errors
@@ -112,7 +116,8 @@ class BitLevel:
         self._intermission_ns = INTERMISSION_BITS * S // bitrate
         self._asleep = False  # waiting for the bus to be released, or for a frame
         self._controllers: list[Controller] = []
-        self._grid_ns = 0  # start of bit 0
+        self._grid_ns = 0  # start of bit `_grid_bit`, from which on the bits have the present rate
+        self._grid_bit = 0
         self._bit = 0  # number of the bit that is on the wire
         self._started_bit = -1  # bit with the last SOF
         self._held: int | None = None
@@ -207,6 +212,8 @@ class BitLevel:
         """Follow the bus from `bit` of a grid on, without controllers so far."""
         self.active = True
         self._grid_ns = grid_ns
+        self._grid_bit = 0
+        self._rate = self._bitrate
         self._bit = bit
         self._started_bit = -1
         self._logged = None
@@ -223,7 +230,7 @@ class BitLevel:
             foreign = port not in self._nodes
             if port is not sender and (not port.online or (foreign and not port.queue)):
                 continue
-            controller = Controller(self, port, silent=port.listen_only or foreign)
+            controller = self._controller(port, silent=port.listen_only or foreign)
             if port.state is NodeState.BUS_OFF:
                 quiet_ns = max(self._errors.quiet_since_ns, port.recovery_from_ns)
                 recessive = (origin_ns - quiet_ns) * self._bitrate // S
@@ -236,6 +243,9 @@ class BitLevel:
             elif port.not_before_ns > origin_ns >= free_ns:
                 controller.suspend(min(self._bits_until(port.not_before_ns, origin_ns), SUSPEND_BITS))
             self._controllers.append(controller)
+
+    def _controller(self, port: MediumPort, *, silent: bool) -> Controller:
+        return Controller(self, port, silent=silent, on_fd=self._data_bitrate is not None)
 
     def _repeat_start(self, sender: MediumPort, entry: Entry, late_sequence: int) -> None:
         """Let those begin who began with the frame that is on the wire, and lost the arbitration
@@ -268,12 +278,19 @@ class BitLevel:
         if not self._asleep:
             return
         self._asleep = False
-        self._bit = max(self._bit, (self._scheduler.now - self._grid_ns) * self._bitrate // S)
+        past = (self._scheduler.now - self._grid_ns) * self._rate // S
+        self._bit = max(self._bit, self._grid_bit + past)
         self.next_bit()
 
     def _edge_ns(self, bit: int) -> int:
         """Return the time at which bit number `bit` begins."""
-        return self._grid_ns + bit * S // self._bitrate
+        return self._grid_ns + (bit - self._grid_bit) * S // self._rate
+
+    def _follow_rate(self, data_bitrate: int) -> None:
+        """Let the next bit have the data bit rate of CAN FD while a node transmits its data phase."""
+        rate = data_bitrate if any(one.fast for one in self._controllers) else self._bitrate
+        if rate != self._rate:
+            self._grid_ns, self._grid_bit, self._rate = self._edge_ns(self._bit), self._bit, rate
 
     # -- starting frames
 
@@ -362,6 +379,8 @@ class BitLevel:
             self._errors.quiet_since_ns = end
         self._bit = bit + 1
         self._act()
+        if self._data_bitrate is not None:
+            self._follow_rate(self._data_bitrate)
         if self.active:
             if self._is_over():
                 self._finish()
@@ -425,7 +444,7 @@ class BitLevel:
         self._succeeded = bool(sent)
         self._write(end, name, frame, "")
         for controller, other in received:
-            if controller.port in self._nodes:
+            if controller.port in self._nodes and (controller.port.takes_fd or not other.fd):
                 controller.port.receive(frame if other == frame else other, end)
         for controller, entry in sent:
             if controller.port.confirmation is not None:
@@ -532,7 +551,7 @@ class BitLevel:
         """Give `port` a controller that joins the running segment, unless it has one."""
         if self.active and all(one.port is not port for one in self._controllers):
             self.wake()
-            controller = Controller(self, port, silent=port.listen_only)
+            controller = self._controller(port, silent=port.listen_only)
             controller.integrate()
             self._controllers.append(controller)
 
@@ -567,12 +586,14 @@ class BitLevel:
 
     def join_grid_of(self, other: BitLevel) -> None:
         """Follow the bus from the present bit of another section on, without controllers so far."""
-        self._start_grid(*other.grid)
+        grid_ns, first, bit, rate = other.grid
+        self._start_grid(grid_ns, bit)
+        self._grid_bit, self._rate = first, rate
 
     @property
-    def grid(self) -> tuple[int, int]:
-        """Start of bit 0, ns, and number of the present bit."""
-        return self._grid_ns, self._bit
+    def grid(self) -> tuple[int, int, int, int]:
+        """Start of a bit, ns; its number; number of the present bit; the rate since the former."""
+        return self._grid_ns, self._grid_bit, self._bit, self._rate
 
     def hand_over(self, ports: Sequence[MediumPort], other: BitLevel) -> None:
         """Move the controllers of `ports` to another section."""

@@ -1,4 +1,4 @@
-"""A classical CAN frame bit by bit: which field every bit of the wire belongs to,
+"""A CAN frame bit by bit: which field every bit of the wire belongs to,
 and which bits are stuff bits.
 
 For what happens inside of a frame; the length alone is `fieldbus.can.timing.frame_bits`, which is faster.
@@ -9,7 +9,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Final
 
-from fieldbus.can.frame import CanFrame
+from fieldbus.can.fd import EXTENDED_FDF, EXTENDED_HEADER, STANDARD_FDF, STANDARD_HEADER, FdBits, fast_bits
+from fieldbus.can.frame import FD_LENGTHS, CanFrame
 from fieldbus.can.timing import CRC_POLYNOMIAL, INTERMISSION_BITS, TAIL_BITS, wire_bits
 from fieldbus.errors import BusError
 
@@ -24,6 +25,14 @@ _EXTENDED: Final = (
     ("reserved", 2),
     ("dlc", 4),
 )
+_FD_STANDARD: Final = (
+    ("sof", 1), ("id", 11), ("rtr", 1), ("ide", 1), ("fdf", 1), ("reserved", 1), ("brs", 1), ("esi", 1),
+    ("dlc", 4),
+)  # fmt: skip
+_FD_EXTENDED: Final = (
+    ("sof", 1), ("id", 11), ("srr", 1), ("ide", 1), ("id_extension", 18), ("rtr", 1), ("fdf", 1),
+    ("reserved", 1), ("brs", 1), ("esi", 1), ("dlc", 4),
+)  # fmt: skip
 _TAIL: Final = (
     ("crc_delimiter", 1),
     ("ack_slot", 1),
@@ -33,11 +42,11 @@ _TAIL: Final = (
 )
 
 FIELDS: Final = (
-    "sof", "id", "srr", "ide", "id_extension", "rtr", "reserved", "dlc", "data", "crc", "stuff",
-    "crc_delimiter", "ack_slot", "ack_delimiter", "eof", "intermission",
+    "sof", "id", "srr", "ide", "id_extension", "rtr", "fdf", "reserved", "brs", "esi", "dlc", "data",
+    "stuff_count", "crc", "stuff", "crc_delimiter", "ack_slot", "ack_delimiter", "eof", "intermission",
 )  # fmt: skip
 """The fields that a bit error can be aimed at, in the order of the wire; `stuff` counts
-the stuff bits (CANP-001..008).
+the stuff bits (CANP-001..008). `fdf`, `brs`, `esi` and `stuff_count` are of CAN FD (CANP-073, CANP-075).
 """
 
 CRC_BITS: Final = 15
@@ -67,10 +76,19 @@ class FrameImage:
 
     """
 
-    __slots__ = ("arbitration_end", "bits", "fields", "places", "stuff")
+    __slots__ = ("arbitration_end", "bits", "data_end", "fast", "fields", "fixed", "places", "stuff")
 
     def __init__(self, frame: CanFrame) -> None:
-        self.bits: Final = wire_bits(frame)
+        if frame.fd:
+            self._of_fd(frame)
+            return
+        self.fast: range = range(0)
+        """Bits of the data bit rate."""
+        self.fixed: frozenset[int] = frozenset()
+        """Positions of the stuff bits of the CRC field of CAN FD."""
+        self.data_end = 0
+        """CAN FD: number of bits up to the end of the data."""
+        self.bits: list[int] = wire_bits(frame)
         """0 dominant, 1 recessive, stuff bits included."""
         fields = [name for name, width in (_EXTENDED if frame.extended else _STANDARD) for _ in range(width)]
         fields += ["data"] * (8 * len(frame.data)) + ["crc"] * 15
@@ -89,20 +107,48 @@ class FrameImage:
             along.append(fields[taken - 1])
             last = bit
         places["stuff"] = stuff
-        self.fields: Final = tuple(along)
+        self.fields: tuple[str, ...] = tuple(along)
         """Name of the field of every bit; a stuff bit belongs to that of the bit before."""
         index = len(self.bits)
         for name, width in _TAIL:
             places[name] = list(range(index, index + width))
             index += width
         assert index == len(self.bits) + TAIL_BITS + INTERMISSION_BITS
-        self.places: Final = places
+        self.places: dict[str, list[int]] = places
         """Positions on the wire by field."""
-        self.stuff: Final = frozenset(stuff)
-        self.arbitration_end: Final = places["rtr"][0] + 1
+        self.stuff = frozenset(stuff)
+        self.arbitration_end: int = places["rtr"][0] + 1
         """Number of bits from SOF to RTR: who reads dominant for recessive
         before it has lost the arbitration.
         """
+
+    def _of_fd(self, frame: CanFrame) -> None:
+        wire = FdBits(frame)
+        self.bits = wire.bits
+        self.fast = fast_bits(frame, wire)
+        self.fixed = frozenset(wire.fixed)
+        self.data_end = wire.data_end
+        names = [
+            name for name, width in (_FD_EXTENDED if frame.extended else _FD_STANDARD) for _ in range(width)
+        ]
+        names += ["data"] * (8 * len(frame.data)) + ["stuff_count"] * 4
+        names += ["crc"] * (len(wire.places) - len(names))
+        places: dict[str, list[int]] = {name: [] for name in FIELDS}
+        along = [""] * len(wire.bits)
+        for name, index in zip(names, wire.places, strict=True):
+            places[name].append(index)
+            along[index] = name
+        for index, name in enumerate(along):
+            along[index] = name or along[index - 1]
+        places["stuff"] = sorted((*wire.dynamic, *wire.fixed))
+        index = len(wire.bits)
+        for name, width in _TAIL:
+            places[name] = list(range(index, index + width))
+            index += width
+        self.fields = tuple(along)
+        self.places = places
+        self.stuff = frozenset(wire.dynamic)
+        self.arbitration_end = places["rtr"][0] + 1
 
     def position(self, field: str, bit: int) -> int | None:
         """Return the position on the wire of bit `bit` of `field` (-1: its last); None when this frame has no
@@ -117,7 +163,7 @@ def image_of(frame: CanFrame) -> FrameImage:
     """Return the image of `frame`.
 
     Raises:
-        BusError: It is no classical CAN frame.
+        BusError: It is no CAN frame.
 
     """
     return FrameImage(frame)
@@ -136,7 +182,25 @@ class FrameParser:
         """Number of bits from SOF to DLC."""
         self.total = _NO_TOTAL
         """Number of bits from SOF to CRC, as soon as it is known."""
+        self.fd = False
+        """Whether it is a frame of CAN FD; `total` then ends with the data."""
         self._value = 0
+
+    def at_fdf(self) -> bool:
+        """Return whether the bit taken last is that where a frame of CAN FD is recessive."""
+        return self.taken == (EXTENDED_FDF if self.header == _EXTENDED_HEADER else STANDARD_FDF)
+
+    def begin_fd(self) -> None:
+        """Take the frame for one of CAN FD: the bit taken last was FDF."""
+        self.fd = True
+        self.header = EXTENDED_HEADER if self.header == _EXTENDED_HEADER else STANDARD_HEADER
+
+    def parse_fd(self, bit: int) -> None:
+        """Take a bit of a CAN FD frame behind FDF, without stuff bits, up to the end of the data."""
+        self._value = value = self._value << 1 | bit
+        self.taken = taken = self.taken + 1
+        if taken == self.header:
+            self.total = taken + 8 * FD_LENGTHS[value & 0xF]
 
     def parse(self, bit: int) -> None:
         """Take a bit of the frame without its stuff bits."""
@@ -155,6 +219,10 @@ class FrameParser:
 
     def field(self) -> str:
         """Return the name of the field of the last bit; see `fieldbus.can.bitstream.FIELDS`."""
+        if self.fd:
+            widths = _FD_EXTENDED if self.header == EXTENDED_HEADER else _FD_STANDARD
+            names = [name for name, width in widths for _ in range(width)]
+            return names[self.taken - 1] if self.taken <= len(names) else "data"
         extended = self.header == _EXTENDED_HEADER
         for name, end in _EXTENDED_ENDS if extended else _STANDARD_ENDS:
             if self.taken <= end:
@@ -163,6 +231,8 @@ class FrameParser:
 
     def received_frame(self) -> CanFrame:
         """Return what has been received."""
+        if self.fd:
+            return self._received_fd()
         data_bits = self.total - self.header - CRC_BITS
         value = self._value >> CRC_BITS
         data = (value & (1 << data_bits) - 1).to_bytes(data_bits // 8, "big")
@@ -173,6 +243,17 @@ class FrameParser:
             can_id = (value >> 27 & 0x7FF) << 18 | value >> 7 & 0x3FFFF
             return CanFrame(can_id, data, extended=True, remote=remote, dlc=dlc)
         return CanFrame(value >> 7 & 0x7FF, data, remote=remote, dlc=dlc)
+
+    def _received_fd(self) -> CanFrame:
+        data_bits = self.total - self.header
+        value = self._value
+        data = (value & (1 << data_bits) - 1).to_bytes(data_bits // 8, "big")
+        value >>= data_bits
+        dlc, esi, brs = value & 0xF, bool(value >> 4 & 1), bool(value >> 5 & 1)
+        if self.header == EXTENDED_HEADER:
+            can_id = (value >> 29 & 0x7FF) << 18 | value >> 9 & 0x3FFFF
+            return CanFrame(can_id, data, extended=True, dlc=dlc, fd=True, brs=brs, esi=esi)
+        return CanFrame(value >> 10 & 0x7FF, data, dlc=dlc, fd=True, brs=brs, esi=esi)
 
 
 class BitError:

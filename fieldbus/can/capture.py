@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from fieldbus.can.confinement import ErrorCode
+from fieldbus.can.fd import check_fd
 from fieldbus.can.frame import CanFrame
 from fieldbus.can.frame_log import LogEntry
 from fieldbus.can.message import ERROR_BUS, ERROR_FLAG, error_message
@@ -23,7 +24,7 @@ _SOCKETCAN, _COOKED, _COOKED_2 = 227, 113, 276
 _CAN, _CAN_FD = 0x000C, 0x000D
 _EXTENDED, _REMOTE, _ERROR = 0x8000_0000, 0x4000_0000, ERROR_FLAG
 _ID: Final = 0x1FFF_FFFF
-_FDF: Final = 0x04
+_BRS, _ESI, _FDF = 0x01, 0x02, 0x04
 _HEAD: Final = struct.Struct(">IBBBB")
 _FD_SIZE: Final = 72
 
@@ -34,8 +35,7 @@ class Captured(NamedTuple):
     time_ns: int
     """Unix time."""
     channel: str
-    frame: CanFrame | None
-    """None: of CAN FD."""
+    frame: CanFrame
     error: str
     """What an error frame says; empty: it is none."""
 
@@ -77,14 +77,14 @@ def _payload(link_type: int, interface: str, data: bytes) -> tuple[str, bytes | 
     return interface, None
 
 
-def _frame(data: bytes, where: str) -> tuple[CanFrame | None, str]:
+def _frame(data: bytes, where: str) -> tuple[CanFrame, str]:
     if len(data) < _HEAD.size:
         raise BusError(f"{where}: a CAN frame of {len(data)} bytes; the file is damaged")
     word, length, flags, _, raw_dlc = _HEAD.unpack_from(data)
     if word & _ERROR:
         return CanFrame(0), "bus error"
     if flags & _FDF or len(data) == _FD_SIZE:
-        return None, ""
+        return _fd_frame(word, flags, data[_HEAD.size : _HEAD.size + length], where), ""
     remote = word & _REMOTE != 0
     if length > 8 or (not remote and len(data) < _HEAD.size + length):
         raise BusError(f"{where}: a CAN frame with {length} bytes of data; the file is damaged")
@@ -100,6 +100,23 @@ def _frame(data: bytes, where: str) -> tuple[CanFrame | None, str]:
     )
 
 
+def _fd_frame(word: int, flags: int, data: bytes, where: str) -> CanFrame:
+    extended = word & _EXTENDED != 0
+    frame = CanFrame(
+        word & (_ID if extended else 0x7FF),
+        data,
+        extended=extended,
+        fd=True,
+        brs=flags & _BRS != 0,
+        esi=flags & _ESI != 0,
+    )
+    try:
+        check_fd(frame)
+    except BusError as error:
+        raise BusError(f"{where}: {error}; the file is damaged") from error
+    return frame
+
+
 def write_capture(log: Iterable[LogEntry], path: Path, channel: str, epoch_s: int) -> None:
     """Write the log of a segment as pcap or, by the suffix, pcapng; see `fieldbus.can.export.write_log`."""
     with path.open("wb") as file:
@@ -112,6 +129,7 @@ def write_capture(log: Iterable[LogEntry], path: Path, channel: str, epoch_s: in
             if error:
                 code = next((one for one in ErrorCode if one.value == error), ErrorCode.FORM)
                 message = error_message(code)
+                flags = 0
                 word, data, length, raw_dlc = (
                     _ERROR | ERROR_BUS | message.arbitration_id, bytes(message.data), 8, 0,
                 )  # fmt: skip
@@ -119,5 +137,6 @@ def write_capture(log: Iterable[LogEntry], path: Path, channel: str, epoch_s: in
                 word = frame.can_id | (_EXTENDED if frame.extended else 0) | (_REMOTE if frame.remote else 0)
                 data = b"" if frame.remote else bytes(frame.data)
                 length = min(frame.dlc, 8) if frame.remote else len(data)
-                raw_dlc = frame.dlc if frame.dlc > 8 else 0
-            writer.write(time_ns, _HEAD.pack(word, length, 0, 0, raw_dlc) + data)
+                raw_dlc = frame.dlc if frame.dlc > 8 and not frame.fd else 0
+                flags = (_FDF | frame.brs * _BRS | frame.esi * _ESI) if frame.fd else 0
+            writer.write(time_ns, _HEAD.pack(word, length, flags, 0, raw_dlc) + data)

@@ -86,13 +86,18 @@ class Controller:
         port: Holds counters and error state.
         silent: Never sends unless it transmits a frame: no acknowledge, no flags,
             nothing is counted as receiver.
+        on_fd: Whether there are frames of CAN FD on the segment. A controller that knows none then finds a
+            form error in the recessive bit FDF (CANP-076).
 
     """
 
-    def __init__(self, host: Host, port: MediumPort, *, silent: bool) -> None:
+    def __init__(self, host: Host, port: MediumPort, *, silent: bool, on_fd: bool = False) -> None:
         self.host = host
         self.port = port
         self.silent = silent
+        self._on_fd = on_fd
+        self._expected: FrameImage | None = None
+        """CAN FD: the frame received up to the end of the data, with the checksum that it has to have."""
         self._parser = FrameParser()
         self.drive = 1
         """What the node sends in the present bit."""
@@ -262,8 +267,72 @@ class Controller:
             else:
                 self._last, self._run = bit, 1
             parser.parse(bit)
+            if bit and self._on_fd and parser.at_fdf():
+                self._format_is_fd()
+                return
         if parser.taken >= parser.total and not self._stuff_due:
             self.step = self.crc_delimiter
+
+    def _format_is_fd(self) -> None:
+        if self.port.classic_only:
+            self._fail(ErrorCode.FORM)
+            return
+        self._parser.begin_fd()
+        self._expected = None
+        self.step = self.fd_frame
+
+    @property
+    def fast(self) -> bool:
+        """Whether the node transmits and its present bit has the data bit rate of CAN FD."""
+        image = self.image
+        if image is None or not image.fast:
+            return False
+        return (self.step == self.fd_frame and self.index in image.fast) or self.step == self.crc_delimiter
+
+    def fd_frame(self, bit: int) -> None:
+        """CAN FD from behind FDF to the checksum, as transmitter or receiver (CANP-073, CANP-075)."""
+        index = self.index
+        self.index = following = index + 1
+        image = self.image
+        if image is not None:
+            if image.bits[index] != bit:
+                self._fail(ErrorCode.BIT)
+                return
+            self.drive = image.bits[following] if following < len(image.bits) else 1
+        expected = self._expected
+        if expected is None:
+            self._fd_bit(bit)
+            return
+        if index in expected.fixed:
+            if bit == self._last:
+                self._fail(ErrorCode.FORM)
+                return
+        elif expected.bits[index] != bit:
+            self._parser.crc = 1
+        self._last = bit
+        if following == len(expected.bits):
+            self.step = self.crc_delimiter
+
+    def _fd_bit(self, bit: int) -> None:
+        """Take a bit up to the end of the data."""
+        parser = self._parser
+        if self._stuff_due:
+            if bit == self._last:
+                self._fail(ErrorCode.STUFF)
+                return
+            self._stuff_due = False
+            self._last, self._run = bit, 1
+        else:
+            if bit == self._last:
+                self._run += 1
+                self._stuff_due = self._run == FLAG_BITS - 1
+            else:
+                self._last, self._run = bit, 1
+            parser.parse_fd(bit)
+        if parser.taken >= parser.total:
+            # The rest depends on all before: who has read a bit wrongly expects another checksum.
+            self._expected = image_of(parser.received_frame())
+            parser.crc = 0
 
     # ----------------------------------------------------------------------------------- CRC delimiter to EOF
 
@@ -326,7 +395,7 @@ class Controller:
     def _field(self) -> str:
         """Return the name of the field of the present bit."""
         step = self.step
-        if step == self.frame:
+        if step in (self.frame, self.fd_frame):
             if self.image is not None:
                 return self.image.fields[self.index - 1]
             return self._parser.field()

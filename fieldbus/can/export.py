@@ -21,7 +21,7 @@ from fieldbus.can.capture import CAPTURES, read_capture, write_capture
 from fieldbus.can.confinement import ErrorCode
 from fieldbus.can.frame import CanFrame
 from fieldbus.can.frame_log import LogEntry
-from fieldbus.can.message import ERROR_BUS, ERROR_FLAG, error_message, to_frame, to_message
+from fieldbus.can.message import ERROR_BUS, ERROR_FLAG, error_message, logged_frame, to_message
 from fieldbus.clock import S
 from fieldbus.errors import BusError, ConfigurationError
 
@@ -87,6 +87,8 @@ def _write_candump(log: Iterable[LogEntry], path: Path, channel: str, epoch_s: i
             else:
                 identifier = f"{frame.can_id:0{8 if frame.extended else 3}X}"
                 body = f"R{frame.dlc or ''}" if frame.remote else frame.data.hex().upper()
+                if frame.fd:
+                    body = f"#{frame.brs | frame.esi << 1:X}{body}"
             file.write(f"({epoch_s + seconds}.{microseconds:06d}) {channel} {identifier}#{body}\n")
 
 
@@ -138,7 +140,7 @@ def _write_blf(log: Iterable[LogEntry], path: Path, _channel: str, epoch_s: int)
 def read_log(path: str | Path, *, origin_s: float | None = None) -> list[tuple[float, CanFrame]]:
     """Read the frames of a log file of any format that python-can knows by its suffix.
 
-    Error frames and CAN FD frames are left out.
+    Error frames are left out.
 
     Args:
         path: The file: .log, .asc, .blf, .trc, .csv, .pcap, .pcapng, ...
@@ -161,11 +163,11 @@ def read_log(path: str | Path, *, origin_s: float | None = None) -> list[tuple[f
     try:
         with can.LogReader(path, **options) as reader:
             for message in reader:
-                if message.is_error_frame or message.is_fd:
+                if message.is_error_frame:
                     continue
                 if first_s is None:
                     first_s = message.timestamp
-                frames.append((message.timestamp - first_s, to_frame(message)))
+                frames.append((message.timestamp - first_s, logged_frame(message)))
     except (*_READ_ERRORS, BusError) as error:
         raise BusError(f"{path} cannot be read as a CAN log: {error}") from error
     return frames
@@ -177,4 +179,4 @@ def _read_capture(path: str | Path, origin_s: float | None) -> list[tuple[float,
     except OSError as error:
         raise BusError(f"{path} cannot be read as a CAN log: {error}") from error
     first_ns = (found[0][0] if found else 0) if origin_s is None else round(origin_s * S)
-    return [((time_ns - first_ns) / S, frame) for time_ns, frame in found if frame is not None]
+    return [((time_ns - first_ns) / S, frame) for time_ns, frame in found]

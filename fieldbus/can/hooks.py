@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 from typing import Final, Literal, Self
 
 from fieldbus.can.bitstream import BitError
+from fieldbus.can.fd import wire_bits
 from fieldbus.can.frame import CanFrame
-from fieldbus.can.timing import frame_bits
 from fieldbus.errors import BusError
 
 HookKind = Literal["drop", "delay", "corrupt", "replace", "duplicate"]
@@ -65,10 +65,10 @@ class HookResult:
         """`frame` goes out in place of what the sender gave.
 
         Raises:
-            BusError: `frame` is no classical CAN frame.
+            BusError: `frame` is no CAN frame.
 
         """
-        frame_bits(frame)  # validates
+        wire_bits(frame, None, None)  # validates
         return cls("replace", frame=frame)
 
     @classmethod

@@ -56,10 +56,12 @@ class HilBus(can.BusABC):
         error_frames: Whether errors on the bus and changes of the own state are received as error frames,
             in the encoding of SocketCAN.
         bitrate: If given, must be that of the segment.
-        options: Anything else that a configuration holds for other interfaces; not used.
+        fd: Take and send CAN FD messages, on a segment with `data_bitrate`.
+        data_bitrate: If given, must be that of the segment.
+        _options: Anything else that a configuration holds for other interfaces; not used.
 
     Raises:
-        can.CanInitializationError: No such segment, another bit rate, or CAN FD is asked for.
+        can.CanInitializationError: No such segment, another bit rate, or CAN FD on a classical segment.
 
     """
 
@@ -72,7 +74,9 @@ class HilBus(can.BusABC):
         name: str | None = None,
         error_frames: bool = False,
         bitrate: int | None = None,
-        **options: object,
+        fd: bool = False,
+        data_bitrate: int | None = None,
+        **_options: object,
     ) -> None:
         try:
             segment = find_segment(str(channel)) if isinstance(channel, str | int) else channel
@@ -80,8 +84,15 @@ class HilBus(can.BusABC):
             raise can.CanInitializationError(str(error)) from error
         if not isinstance(segment, CanSegment):
             raise can.CanInitializationError(f"channel {channel!r} is neither a segment nor the name of one")
-        if options.get("fd"):
-            raise can.CanInitializationError("CAN FD is not supported: this is a classical CAN segment")
+        if fd and segment.data_bitrate is None:
+            raise can.CanInitializationError(
+                f"CAN FD is not supported: {segment.name} is a classical CAN segment (no data_bitrate)"
+            )
+        if data_bitrate is not None and data_bitrate != segment.data_bitrate:
+            raise can.CanInitializationError(
+                f"the data phase of {segment.name} runs at {segment.data_bitrate} bit/s, not at "
+                f"{data_bitrate} bit/s"
+            )
         if bitrate is not None and isinstance(segment, CanMedium) and bitrate != segment.bitrate:
             raise can.CanInitializationError(
                 f"{segment.name} runs at {segment.bitrate} bit/s, not at {bitrate} bit/s"
@@ -93,19 +104,21 @@ class HilBus(can.BusABC):
         self._scheduler_thread: int | None = None  # known once something has been received
         self._queue: SimpleQueue[can.Message] = SimpleQueue()
         self._receive_own = receive_own_messages
+        self._fd = fd
         self._cleanup: list[Callable[[], object]] = []
         self.port = self._attach(name)
         self._controller = self.port if isinstance(self.port, MediumPort) else None
         if error_frames:
             self._listen_for_errors()
         super().__init__(channel=segment.name, can_filters=can_filters)
+        self._can_protocol = can.CanProtocol.CAN_FD if fd else can.CanProtocol.CAN_20
 
     def _attach(self, name: str | None) -> CanPort:
         """Attach under `name`, or under the first default name that is free."""
         confirm = self._on_sent if self._receive_own else None
         if name is not None:
             try:
-                return self.segment.attach(name, self._on_frame, confirm=confirm)
+                return self.segment.attach(name, self._on_frame, confirm=confirm, fd=self._fd)
             except BusError as error:
                 raise can.CanInitializationError(str(error)) from error
         taken = {port.name for port in self.segment.ports}
@@ -113,7 +126,7 @@ class HilBus(can.BusABC):
         while default in taken:
             number += 1
             default = f"python-can {number}"
-        return self.segment.attach(default, self._on_frame, confirm=confirm)
+        return self.segment.attach(default, self._on_frame, confirm=confirm, fd=self._fd)
 
     # --------------------------------------------------------------------------------------------- receiving
 
@@ -246,12 +259,12 @@ class HilBus(can.BusABC):
 
         Raises:
             can.CanOperationError: The bus is shut down, the transmit queue is full, or the message is an
-                error frame, a CAN FD message or no valid CAN message.
+                error frame, a CAN FD message on a bus without `fd`, or no valid CAN message.
 
         """
         self._check_open()
         try:
-            frame = to_frame(msg)
+            frame = self.frame_of(msg)
             if self._scheduler.realtime:
                 self._scheduler.post(lambda: self._send_posted(frame))
                 return
@@ -263,6 +276,15 @@ class HilBus(can.BusABC):
             raise can.CanOperationError(
                 f"the transmit queue of {self.port.name} on {self.segment.name} is full"
             )
+
+    def frame_of(self, message: can.Message) -> CanFrame:
+        """Return a message as a frame that may be sent here.
+
+        Raises:
+            BusError: It is an error frame, a CAN FD message on a bus without `fd`, or no valid CAN message.
+
+        """
+        return to_frame(message, fd=self._fd)
 
     @property
     def _overruns(self) -> int:
@@ -356,7 +378,7 @@ class CyclicTask(LimitedDurationCyclicSendTaskABC, ModifiableCyclicTaskABC, Rest
         super().__init__(messages, period, duration)
         for message in self.messages:
             try:
-                to_frame(message)
+                bus.frame_of(message)
             except BusError as error:
                 raise ValueError(str(error)) from error
         self._bus = bus
@@ -398,4 +420,4 @@ class CyclicTask(LimitedDurationCyclicSendTaskABC, ModifiableCyclicTaskABC, Rest
         if self._modify is not None:
             self._modify(message)
         with suppress(BusError):  # reported by the segment; the next period tries again
-            self._bus.port.send(to_frame(message))
+            self._bus.port.send(self._bus.frame_of(message))

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Final, Self
 
 import can
 
+from fieldbus.can.fd import NO_FD, wire_bits
 from fieldbus.can.frame import CanFrame, FrameReceiver
 from fieldbus.can.frame_log import LogEntry
 from fieldbus.can.hooks import FrameHook, FrameHooks, ask_hooks
 from fieldbus.can.registry import register_segment
 from fieldbus.can.side import BusSide, SideReports, echoes, open_bus
-from fieldbus.can.timing import frame_bits
 from fieldbus.clock import RealtimeScheduler, Scheduler
 from fieldbus.errors import BusError, ConfigurationError, UnsupportedFaultError
 from fieldbus.history import History
@@ -36,6 +36,7 @@ class LivePort:
         receive: Called with every frame for the node.
         listen_only: Whether it must not send.
         confirm: Called with every own frame that the bus has taken.
+        takes_fd: Whether it takes and sends frames of CAN FD.
         submit: Sends a frame of the port.
         leave: Removes the port from its segment.
 
@@ -48,6 +49,7 @@ class LivePort:
         *,
         listen_only: bool,
         confirm: FrameReceiver | None,
+        takes_fd: bool,
         submit: Callable[[LivePort, CanFrame], None],
         leave: Callable[[LivePort], None],
     ) -> None:
@@ -55,6 +57,7 @@ class LivePort:
         self.receive = receive
         self.listen_only = listen_only
         self.confirm = confirm
+        self.takes_fd = takes_fd
         self.online = True
         """False: the node neither sends nor receives. The adapter continues
         acknowledging what is on the bus.
@@ -68,7 +71,7 @@ class LivePort:
 
         Raises:
             BusError: The port is detached or listens only, the segment is closed, the bus refuses, or the
-                frame is no classical CAN frame.
+                frame is none that the segment carries.
 
         """
         self._submit(self, frame)
@@ -113,6 +116,8 @@ class LiveSegment:
             `receive_own_messages`: they are then taken out again. Default: by the kind of bus.
         lossy: A frame that the bus refuses is lost without an exception, as for a device that keeps running
             while its bus is down or nobody acknowledges.
+        data_bitrate: Bit rate of the data phase of CAN FD, bit/s, as it is set at the interface; None: a
+            classical segment, on which a CAN FD frame is only counted.
 
     Raises:
         ConfigurationError: The scheduler does not run in real time.
@@ -135,6 +140,7 @@ class LiveSegment:
         close_bus: bool = True,
         echo: bool | None = None,
         lossy: bool = False,
+        data_bitrate: int | None = None,
     ) -> None:
         self._realtime = _realtime(scheduler)
         self.scheduler: Scheduler = scheduler
@@ -143,11 +149,13 @@ class LiveSegment:
         """Every frame in the order in which it was sent or came; grows, is never replaced."""
         self.bitrate: int | None = None
         """Bit rate of the wire, bit/s, if configured; the adapter does not report it."""
+        self.data_bitrate: int | None = data_bitrate
+        """Bit rate of the data phase of CAN FD, bit/s; None: a classical segment."""
         self.kernel: KernelBridge | None = None
         """The bridge of the kernel that this segment is on, if there is one."""
         self._reports = SideReports(name, history, bridged=bridge is not None)
         self.ignored = self._reports.ignored
-        """What came and was no classical frame: CAN FD frames, and what the driver
+        """What came and was no frame of the segment: CAN FD frames on a classical one, and what the driver
         could not read. One event each.
         """
         self._keep_log = keep_log
@@ -167,6 +175,7 @@ class LiveSegment:
                 clock=self._now,
                 echo=echoes(one) if echo is None else echo,
                 close_bus=close_bus,
+                fd=data_bitrate is not None,
             )
             for one, side_name in zip((bus,) if bridge is None else (bus, bridge), names, strict=False)
         )
@@ -186,6 +195,7 @@ class LiveSegment:
         history: History | None = None,
         keep_log: bool = True,
         lossy: bool = False,
+        fd_bitrate: int | None = None,
         bridge: Mapping[str, object] | None = None,
         **options: object,
     ) -> Self:
@@ -199,6 +209,7 @@ class LiveSegment:
             history: Where events go.
             keep_log: Whether `log` is written.
             lossy: A frame that the bus refuses is lost without an exception.
+            fd_bitrate: Bit rate of the data phase of CAN FD, bit/s; None: a classical segment.
             bridge: `channel` of the second bus of a bridge, its `interface` if it is another one, and its
                 options. The channels are the names of the sides then. With `gateway` = "kernel" the kernel
                 joins the two, and the segment is on the first; `kernel` then takes the faults that it can do.
@@ -213,7 +224,16 @@ class LiveSegment:
         echo = True if options.get("receive_own_messages") else None
         bus = open_bus(name, interface, channel, options)
         if bridge is None:
-            return cls(scheduler, bus, name=name, history=history, keep_log=keep_log, echo=echo, lossy=lossy)
+            return cls(
+                scheduler,
+                bus,
+                name=name,
+                history=history,
+                keep_log=keep_log,
+                echo=echo,
+                lossy=lossy,
+                data_bitrate=fd_bitrate,
+            )
         further = dict(bridge)
         if further.pop("gateway", "bench") == "kernel":
             from fieldbus.can.kernel_bridge import KernelBridge
@@ -224,7 +244,14 @@ class LiveSegment:
                 bus.shutdown()
                 raise BusError(f"{name}: {error}") from error
             segment = cls(
-                scheduler, bus, name=name, history=history, keep_log=keep_log, echo=echo, lossy=lossy
+                scheduler,
+                bus,
+                name=name,
+                history=history,
+                keep_log=keep_log,
+                echo=echo,
+                lossy=lossy,
+                data_bitrate=fd_bitrate,
             )
             segment.kernel = kernel
             return segment
@@ -247,6 +274,7 @@ class LiveSegment:
             keep_log=keep_log,
             echo=echo,
             lossy=lossy,
+            data_bitrate=fd_bitrate,
         )
 
     @property
@@ -273,6 +301,7 @@ class LiveSegment:
         *,
         listen_only: bool = False,
         confirm: FrameReceiver | None = None,
+        fd: bool = False,
     ) -> LivePort:
         """Connect a local node.
 
@@ -281,11 +310,15 @@ class LiveSegment:
             receive: Called with every frame of the bus and of the other local nodes, and its time (ns).
             listen_only: Must not send.
             confirm: Called with every own frame that the bus has taken.
+            fd: Whether the node takes and sends frames of CAN FD.
 
         Raises:
             BusError: The name is taken.
+            ConfigurationError: CAN FD on a classical segment.
 
         """
+        if fd and self.data_bitrate is None:
+            raise ConfigurationError("fd", fd, f"a segment with data_bitrate; {self.name} has none")
         if any(port.name == name for port in self._ports):
             raise BusError(f"a port named {name!r} is already attached to {self.name}")
         port = LivePort(
@@ -293,6 +326,7 @@ class LiveSegment:
             receive,
             listen_only=listen_only,
             confirm=confirm,
+            takes_fd=fd,
             submit=self._submit,
             leave=self._leave,
         )
@@ -314,20 +348,27 @@ class LiveSegment:
             raise BusError(f"port {port.name} is detached from {self.name}")
         if port.listen_only:
             raise BusError(f"port {port.name} on {self.name} listens only")
+        if frame.fd and not port.takes_fd:
+            raise BusError(f"port {port.name} on {self.name} sends no CAN FD frames")
         if not port.online:
             return
-        frame_bits(frame)  # validates
+        self._check(frame)
         self._treat(frame, port.name, self._now(), lambda treated: self._send(treated, port.name, port))
 
     def inject(self, frame: CanFrame, sender: str = "fault") -> None:
         """Send `frame` past the hooks, to the bus and to all local nodes.
 
         Raises:
-            BusError: The segment is closed, the bus refuses, or the frame is no classical CAN frame.
+            BusError: The segment is closed, the bus refuses, or the frame is none that the segment carries.
 
         """
-        frame_bits(frame)  # validates
+        self._check(frame)
         self._send(frame, sender, None)
+
+    def _check(self, frame: CanFrame) -> None:
+        if frame.fd and self.data_bitrate is None:
+            raise BusError(NO_FD)
+        wire_bits(frame, self.bitrate, self.data_bitrate)
 
     def _send(self, frame: CanFrame, sender: str, port: LivePort | None) -> None:
         if self._closed.is_set():
@@ -428,7 +469,7 @@ class LiveSegment:
 
     def _deliver(self, frame: CanFrame, time_ns: int, sender: LivePort | None) -> None:
         for port in self._ports:
-            if port is not sender and port.online:
+            if port is not sender and port.online and (port.takes_fd or not frame.fd):
                 port.receive(frame, time_ns)
 
     # --------------------------------------------------------------------------------------------- hooks
@@ -497,7 +538,7 @@ class LiveSegment:
         """Write the log and return the time of the entry; a late thread must not turn the order of times."""
         self._last_ns = time_ns = max(time_ns, self._last_ns)
         if not error:
-            self._busy_bits += frame_bits(frame)
+            self._busy_bits += wire_bits(frame, self.bitrate, self.data_bitrate)
         if self._keep_log:
             self.log.append((time_ns, sender, frame, error))
         return time_ns

@@ -17,6 +17,7 @@ from fieldbus.errors import BusError, ConfigurationError
 from fieldbus.history import History
 
 _INJECTOR_BUFFERS: Final = 1 << 20
+_FASTEST: Final = 8_000_000
 
 
 class CanMedium:
@@ -28,17 +29,23 @@ class CanMedium:
     and is retransmitted until it succeeds or its sender is bus-off. Every disturbance of the bus is followed
     bit by bit, with the error flags and counters of every node, as ISO 11898-1 has it.
 
-    Not modelled: CAN FD, and positions within a bit (propagation, resynchronisation).
+    With `data_bitrate` the segment carries CAN FD too: nodes that were attached with `fd` send and receive
+    such frames, all others acknowledge and ignore them, unless their controller is `set_classic_only`.
+
+    Not modelled: positions within a bit (propagation, resynchronisation), and ESI, which is what the sender
+    gives.
 
     Args:
         scheduler: Clock of the segment; its only thread.
         bitrate: 1000..1000000 bit/s.
+        data_bitrate: Bit rate of the data phase of CAN FD, bit/s, from `bitrate` to 8000000; None: a
+            classical segment, which has no CAN FD frames.
         name: Name in logs and events; also registered for `can.Bus(interface="hil", channel=name)`.
         history: Where `can.status`, `can.bus_error`, `can.overrun` events go; good frames are only in `log`.
         keep_log: Whether `log` is written.
 
     Raises:
-        ConfigurationError: The bit rate is out of range.
+        ConfigurationError: A bit rate is out of range.
 
     """
 
@@ -50,15 +57,23 @@ class CanMedium:
         scheduler: Scheduler,
         *,
         bitrate: int = 1_000_000,
+        data_bitrate: int | None = None,
         name: str = "can0",
         history: History | None = None,
         keep_log: bool = True,
     ) -> None:
         if not isinstance(bitrate, int) or not 1_000 <= bitrate <= 1_000_000:
             raise ConfigurationError("bitrate", bitrate, "a whole number from 1000 to 1000000 bit/s")
+        if data_bitrate is not None and (
+            not isinstance(data_bitrate, int) or not bitrate <= data_bitrate <= _FASTEST
+        ):
+            raise ConfigurationError(
+                "data_bitrate", data_bitrate, f"a whole number from {bitrate} (bitrate) to {_FASTEST} bit/s"
+            )
         self.scheduler = scheduler
         self.name = name
         self.bitrate: Final = bitrate
+        self.data_bitrate: Final = data_bitrate
         self._frames = FrameLog(bitrate, enabled=keep_log)
         self.log: Final[list[LogEntry]] = self._frames.entries
         """Every frame on the wire in order; grows, is never replaced."""
@@ -67,6 +82,7 @@ class CanMedium:
         self._near = BusSection(
             scheduler,
             bitrate=bitrate,
+            data_bitrate=data_bitrate,
             name=name,
             history=history,
             log=self._frames,
@@ -93,6 +109,7 @@ class CanMedium:
         auto_recovery: bool = True,
         confirm: FrameReceiver | None = None,
         one_shot: bool = False,
+        fd: bool = False,
     ) -> MediumPort:
         """Connect a node; a frame that is on the wire at this moment passes it by.
 
@@ -105,16 +122,20 @@ class CanMedium:
             confirm: Called with every own frame that was sent successfully.
             one_shot: Do not repeat a frame that loses the arbitration or ends in
                 an error (event `can.given_up`).
+            fd: Whether the node takes and sends frames of CAN FD. The others acknowledge them as a
+                controller does, and know nothing of them.
 
         Raises:
             BusError: The name is taken.
-            ConfigurationError: There is no transmit buffer.
+            ConfigurationError: There is no transmit buffer, or CAN FD on a classical segment.
 
         """
         if any(port.name == name for port in self.ports):
             raise BusError(f"a port named {name!r} is already attached to {self.name}")
         if tx_buffers < 1:
             raise ConfigurationError("tx_buffers", tx_buffers, "at least 1")
+        if fd and self.data_bitrate is None:
+            raise ConfigurationError("fd", fd, f"a segment with data_bitrate; {self.name} has none")
         port = MediumPort(
             self._near,
             name,
@@ -124,6 +145,7 @@ class CanMedium:
             auto_recovery=auto_recovery,
             confirm=confirm,
             one_shot=one_shot,
+            takes_fd=fd,
         )
         self._near.attach(port)
         return port
@@ -222,7 +244,7 @@ class CanMedium:
         be the name of a node.
 
         Raises:
-            BusError: The frame is no classical CAN frame.
+            BusError: The frame is none that the segment carries.
 
         """
         port = self._injectors.get(sender)
@@ -235,6 +257,7 @@ class CanMedium:
                 tx_buffers=_INJECTOR_BUFFERS,
                 auto_recovery=True,
                 confirm=None,
+                takes_fd=True,
             )
             self._near.add_port(port)
         self._near.inject(port, frame)

@@ -7,6 +7,7 @@ from typing import Final
 import can
 
 from fieldbus.can.confinement import ErrorCode, NodeState
+from fieldbus.can.fd import NO_FD, check_fd
 from fieldbus.can.frame import CanFrame
 from fieldbus.can.timing import frame_bits
 from fieldbus.errors import BusError
@@ -47,7 +48,20 @@ _LOCATIONS: Final = {
 def to_message(
     frame: CanFrame, *, time_s: float = 0.0, channel: str | None = None, is_rx: bool = True
 ) -> can.Message:
-    """Return `frame` as a message; a DLC above 8 becomes 8, as python-can counts bytes."""
+    """Return `frame` as a message; a DLC above 8 becomes the number of bytes, which python-can counts."""
+    if frame.fd:
+        return can.Message(
+            timestamp=time_s,
+            arbitration_id=frame.can_id,
+            is_extended_id=frame.extended,
+            dlc=len(frame.data),
+            data=frame.data,
+            channel=channel,
+            is_rx=is_rx,
+            is_fd=True,
+            bitrate_switch=frame.brs,
+            error_state_indicator=frame.esi,
+        )
     return can.Message(
         timestamp=time_s,
         arbitration_id=frame.can_id,
@@ -60,17 +74,33 @@ def to_message(
     )
 
 
-def to_frame(message: can.Message) -> CanFrame:
+def to_frame(message: can.Message, *, fd: bool = False) -> CanFrame:
     """Return a data or remote message as a frame.
 
+    Args:
+        message: The message.
+        fd: Whether it may be one of CAN FD.
+
     Raises:
-        BusError: It is an error frame or a CAN FD message, or does not make a classical CAN frame.
+        BusError: It is an error frame, a CAN FD message without `fd`, or does not make a frame.
 
     """
-    if message.is_fd:
-        raise BusError("CAN FD messages are not supported: this is a classical CAN segment")
     if message.is_error_frame:
         raise BusError("an error frame cannot be sent as a message")
+    if message.is_fd:
+        if not fd:
+            raise BusError(NO_FD)
+        frame = CanFrame(
+            message.arbitration_id,
+            bytes(message.data),
+            extended=message.is_extended_id,
+            remote=message.is_remote_frame,
+            fd=True,
+            brs=message.bitrate_switch,
+            esi=message.error_state_indicator,
+        )
+        check_fd(frame)
+        return frame
     frame = CanFrame(
         message.arbitration_id,
         b"" if message.is_remote_frame else bytes(message.data),
@@ -80,6 +110,20 @@ def to_frame(message: can.Message) -> CanFrame:
     )
     frame_bits(frame)  # validates
     return frame
+
+
+def logged_frame(message: can.Message) -> CanFrame:
+    """Return a message from a log file as a frame, of CAN FD too.
+
+    The reader of ASC files takes an empty frame of CAN FD for a remote one, which CAN FD does not have.
+
+    Raises:
+        BusError: It is an error frame, or does not make a frame.
+
+    """
+    if message.is_fd and message.is_remote_frame and not message.dlc:
+        message.is_remote_frame = False
+    return to_frame(message, fd=True)
 
 
 def error_message(

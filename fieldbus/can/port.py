@@ -91,11 +91,11 @@ class MediumPort:
 
     __slots__ = (
         "_delayed", "_last_due_ns", "_online", "_receive_delay_ns", "acknowledged", "acknowledges", "alone",
-        "auto_recovery", "can_send", "confirmation", "detached", "discarded", "handler", "joining",
-        "listen_only", "listening", "mailboxes", "name", "not_before_ns", "on_overrun", "on_state",
+        "auto_recovery", "can_send", "classic_only", "confirmation", "detached", "discarded", "handler",
+        "joining", "listen_only", "listening", "mailboxes", "name", "not_before_ns", "on_overrun", "on_state",
         "one_shot", "overload_frames", "overruns", "queue", "rate", "rec", "receive", "receivers",
-        "recovery_count", "recovery_from_ns", "recovery_timer", "routes", "section", "state", "tec",
-        "tx_buffers",
+        "recovery_count", "recovery_from_ns", "recovery_timer", "routes", "section", "state",
+        "takes_fd", "tec", "tx_buffers",
     )  # fmt: skip
 
     def __init__(
@@ -109,6 +109,7 @@ class MediumPort:
         auto_recovery: bool,
         confirm: FrameReceiver | None,
         one_shot: bool = False,
+        takes_fd: bool = False,
     ) -> None:
         self.name = name
         self.listen_only = listen_only
@@ -118,6 +119,8 @@ class MediumPort:
         """Whether the node leaves bus-off by itself; otherwise after `recover`."""
         self.one_shot = one_shot
         """Whether a frame that loses the arbitration or ends in an error is not repeated (CANP-030)."""
+        self.takes_fd = takes_fd
+        """Whether frames of CAN FD reach the receiver, and may be sent."""
         self.on_state: list[StateListener] = []
         """Called with the old and the new state when the error state changes."""
         self.on_overrun: list[Callable[[], object]] = []
@@ -132,6 +135,7 @@ class MediumPort:
 
         # Set by the methods below.
         self.acknowledges = True
+        self.classic_only = False
         self.overload_frames = 0
         self.rate: int | None = None
         self._receive_delay_ns = 0
@@ -225,6 +229,14 @@ class MediumPort:
     def set_acknowledge(self, acknowledges: bool) -> None:
         """Set whether the node acknowledges the frames that it receives (CANP-059)."""
         self.acknowledges = acknowledges
+        self.section.ports_changed()
+
+    def set_classic_only(self, classic_only: bool) -> None:
+        """Set whether the controller of the node knows no CAN FD.
+
+        Such a frame is then a form error for it (CANP-076). On a classical segment that makes no difference.
+        """
+        self.classic_only = classic_only
         self.section.ports_changed()
 
     def set_overload_frames(self, count: int) -> None:

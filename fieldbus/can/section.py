@@ -31,11 +31,13 @@ from fieldbus.can.confinement import (
     rec_after_reception,
 )
 from fieldbus.can.error_handling import BusErrorListener, ErrorHandling, StateChange
+from fieldbus.can.fd import NO_FD, fd_bits, fd_time_ns
+from fieldbus.can.fd import arbitration_key as fd_key
 from fieldbus.can.frame import CanFrame, FrameReceiver
 from fieldbus.can.frame_log import FrameLog
 from fieldbus.can.hooks import FrameHook, ask_hooks
 from fieldbus.can.port import NOT_ASKED, Confirmation, Entry, MediumPort, ignore_frame
-from fieldbus.can.timing import INTERMISSION_BITS, note_timing, timing_of
+from fieldbus.can.timing import INTERMISSION_BITS, note_timing
 from fieldbus.clock import S, Scheduler, Timer
 from fieldbus.errors import BusError
 from fieldbus.history import History
@@ -43,6 +45,7 @@ from fieldbus.history import History
 _LONGEST_BITS: Final = 256  # more than the longest frame with the longest error frame
 _COMMITTED: Final = -1  # no other frame may take the place of the chosen one any more
 _ACK_TO_EOF_BITS: Final = 8  # ACK delimiter and EOF
+_FLAG_FOR_EOF_BITS: Final = FLAG_BITS + DELIMITER_BITS - _ACK_TO_EOF_BITS
 
 
 class BusSection:
@@ -51,6 +54,8 @@ class BusSection:
     Args:
         scheduler: Time; its only thread.
         bitrate: bit/s.
+        data_bitrate: That of the data phase of CAN FD, bit/s; None: a classical segment. Frames of a segment
+            with CAN FD never go the short way.
         name: Name of the segment in events.
         history: Where events go.
         log: Log of the segment.
@@ -63,6 +68,7 @@ class BusSection:
         scheduler: Scheduler,
         *,
         bitrate: int,
+        data_bitrate: int | None = None,
         name: str,
         history: History | None,
         log: FrameLog,
@@ -71,6 +77,7 @@ class BusSection:
         self.scheduler = scheduler
         self.name = name
         self.bitrate: Final = bitrate
+        self.data_bitrate: Final = data_bitrate
         self.nodes: list[MediumPort] = []
         """The connected nodes, in the order in which they came."""
         self.ports: list[MediumPort] = []
@@ -98,6 +105,9 @@ class BusSection:
         self._intermission_ns = self._durations[INTERMISSION_BITS]
         # By bits with the intermission, which follows the end of a frame.
         self._to_end_ns: Final = [0] * INTERMISSION_BITS + self._durations
+        # Of CAN FD frames: place in `_to_end_ns` by numbers of bits, and by place bits of the nominal rate.
+        self._fd_places: dict[tuple[int, int], int] = {}
+        self._fd_busy: dict[int, int] = {}
         self._hooks: tuple[FrameHook, ...] = ()
         self._sequence = 0  # number of the last frame that was queued
         self._backlog = 0  # frames in all queues; the one in `_entry` is in none
@@ -125,6 +135,7 @@ class BusSection:
         self.bits: Final = BitLevel(
             scheduler,
             bitrate=bitrate,
+            data_bitrate=data_bitrate,
             nodes=self.nodes,
             ports=self.ports,
             errors=self.errors,
@@ -138,7 +149,7 @@ class BusSection:
     def submit(self, port: MediumPort, frames: Iterable[CanFrame]) -> None:
         """Queue `frames` of `port`; see `MediumPort.send`."""
         for frame in frames:
-            key, bits = frame.timing or note_timing(frame)
+            key, bits = frame.timing or self._timing(frame, port)
             if not port.can_send:
                 if port.detached:
                     raise BusError(f"port {port.name} is detached from {self.name}")
@@ -174,10 +185,33 @@ class BusSection:
 
     def inject(self, port: MediumPort, frame: CanFrame) -> None:
         """Queue a frame of `port` that no hook sees."""
-        key, bits = timing_of(frame.can_id, bytes(frame.data), frame.extended, frame.remote, frame.dlc)
+        key, bits = self._timing(frame, port)
         if port.can_send:
             self._sequence += 1
             self._offer(port, (key, self._sequence, 0, frame, bits, ()))
+
+    def _timing(self, frame: CanFrame, port: MediumPort) -> tuple[int, int]:
+        """Return arbitration key and bits of a frame; of one of CAN FD the place of its duration.
+
+        Raises:
+            BusError: It is no frame that the segment carries and `port` sends.
+
+        """
+        if not frame.fd:
+            return note_timing(frame)
+        rate = self.data_bitrate
+        if rate is None:
+            raise BusError(NO_FD)
+        if not port.takes_fd:
+            raise BusError(f"port {port.name} on {self.name} sends no CAN FD frames")
+        bits = fd_bits(frame)
+        place = self._fd_places.get(bits)
+        if place is None:
+            place = self._fd_places[bits] = len(self._to_end_ns)
+            duration_ns = fd_time_ns(frame, self.bitrate, rate)
+            self._to_end_ns.append(duration_ns - self._intermission_ns)
+            self._fd_busy[place] = round(duration_ns * self.bitrate / S)
+        return fd_key(frame), place
 
     def _begin_frame(self, entry: Entry, start_ns: int) -> None:
         """Put a frame of `_sender` on the wire, unless a better one comes until the very instant."""
@@ -302,7 +336,10 @@ class BusSection:
 
     def _needs_bits(self, contenders: Sequence[MediumPort]) -> bool:
         """Return whether what `contenders` send now can only be found out bit by bit."""
-        if len(contenders) > 1 or contenders[0].queue[0][5]:
+        first = contenders[0].queue[0]
+        if len(contenders) > 1 or first[5]:
+            return True
+        if first[3].fd and any(port.classic_only for port in self._listeners(contenders[0])):
             return True
         if not contenders[0].acknowledged and not all(
             port.listen_only for port in self._listeners(contenders[0])
@@ -400,7 +437,7 @@ class BusSection:
             return False
         if verdict.frame is not frame:
             frame = verdict.frame
-            key, bits = timing_of(frame.can_id, bytes(frame.data), frame.extended, frame.remote, frame.dlc)
+            key, bits = self._timing(frame, port)
         entries: list[Entry] = [(key, sequence, copy, frame, bits, verdict.corruptions)]
         entries += [(key, sequence, copy + number + 1, frame, bits, ()) for number in range(verdict.copies)]
         if not verdict.delay_ns:
@@ -526,13 +563,20 @@ class BusSection:
             if port.rec and not port.listen_only:
                 port.rec = rec_after_reception(port.rec)
                 errors.update_state(port, changes)
-        self.busy_bits += entry[4]
-        self.log.write(end, sender.name, entry[3], "")
+        frame = entry[3]
+        if frame.fd:
+            self.busy_bits += self._fd_busy[entry[4]]
+            span = self._start_ns, end + self._intermission_ns
+            self.log.write_span(span, end, sender.name, frame, "")
+        else:
+            self.busy_bits += entry[4]
+            self.log.write(end, sender.name, frame, "")
         if valid:
             self._suspend(sender, end)
         self._release(end)
         for port in audience:
-            port.receive(entry[3], end)
+            if port.takes_fd or not frame.fd:
+                port.receive(frame, end)
         if valid and sender.confirmation is not None:
             sender.confirmation.receive(entry[3], end)
         errors.report(changes)
@@ -540,7 +584,10 @@ class BusSection:
     def _miss_acknowledge(self, entry: Entry) -> None:
         """Continue without an acknowledge: an error flag takes the place of ACK delimiter and EOF."""
         self._unacknowledged = True
-        self._end_ns = self._start_ns + self._durations[_unacknowledged_bits(entry[4])]
+        if entry[3].fd:
+            self._end_ns = self._start_ns + self._to_end_ns[entry[4]] + self._durations[_FLAG_FOR_EOF_BITS]
+        else:
+            self._end_ns = self._start_ns + self._durations[_unacknowledged_bits(entry[4])]
         self._timer = self._at(self._end_ns, self._end_of_unacknowledged)
 
     def _end_of_unacknowledged(self) -> None:
@@ -551,7 +598,10 @@ class BusSection:
         end = self._end_ns
         errors = self.errors
         errors.count_quiet(self.ports, self._start_ns, end - self._durations[DELIMITER_BITS])
-        self.busy_bits += _unacknowledged_bits(entry[4]) + INTERMISSION_BITS
+        if entry[3].fd:
+            self.busy_bits += self._fd_busy[entry[4]] + _FLAG_FOR_EOF_BITS
+        else:
+            self.busy_bits += _unacknowledged_bits(entry[4]) + INTERMISSION_BITS
         span = (self._start_ns, end + self._intermission_ns)
         self.log.write_span(span, end, sender.name, entry[3], ErrorCode.ACK.value)
         if sender.alone and self._only_repeats(sender, entry):
@@ -757,13 +807,17 @@ class BusSection:
 
     def _assess(self) -> None:
         """Find out whether the short way is open."""
-        self._degraded = self._unacknowledged or any(
-            port.tec
-            or port.rec
-            or port.joining
-            or port.state is not NodeState.ERROR_ACTIVE
-            or (port.can_send and not port.acknowledged)
-            for port in self.ports
+        self._degraded = (
+            self._unacknowledged
+            or self.data_bitrate is not None
+            or any(
+                port.tec
+                or port.rec
+                or port.joining
+                or port.state is not NodeState.ERROR_ACTIVE
+                or (port.can_send and not port.acknowledged)
+                for port in self.ports
+            )
         )
         self._disturbed = any(
             port.online and (port.one_shot or port.overload_frames or port.rate is not None)
@@ -827,6 +881,7 @@ class BusSection:
         far = BusSection(
             self.scheduler,
             bitrate=self.bitrate,
+            data_bitrate=self.data_bitrate,
             name=self.name,
             history=self.errors.history,
             log=self.log,

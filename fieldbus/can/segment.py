@@ -39,18 +39,26 @@ class CanSegment(Protocol):
         """Bit rate, bit/s; None = not known."""
 
     @property
+    def data_bitrate(self) -> int | None:
+        """Bit rate of the data phase of CAN FD, bit/s; None = a classical segment."""
+
+    @property
     def ports(self) -> Sequence[CanPort]:
         """The attached nodes, in the order in which they came."""
 
-    def attach(self, name: str, receive: FrameReceiver, *, confirm: FrameReceiver | None = None) -> CanPort:
+    def attach(
+        self, name: str, receive: FrameReceiver, *, confirm: FrameReceiver | None = None, fd: bool = False
+    ) -> CanPort:
         """Connect a node.
 
         Args:
             name: Its name, which no other node of the segment has.
             receive: Called with every frame of the others, never with the node's own.
             confirm: Called with every own frame that was sent.
+            fd: Whether the node takes and sends frames of CAN FD.
 
         Raises:
             BusError: The name is taken.
+            ConfigurationError: CAN FD on a classical segment.
 
         """

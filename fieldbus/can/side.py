@@ -12,6 +12,7 @@ from typing import Final, Protocol
 
 import can
 
+from fieldbus.can.fd import NO_FD
 from fieldbus.can.frame import CanFrame
 from fieldbus.can.message import read_error, to_frame, to_message
 from fieldbus.clock import MS
@@ -25,8 +26,6 @@ _GARBLED_LIMIT: Final = 100
 """Messages in a row that a driver cannot read, from which on it counts as broken."""
 _IFF_UP: Final = 1
 _INTERFACES: Final = Path("/sys/class/net")
-
-FD_REASON: Final = "CAN FD messages are not supported: this is a classical CAN segment"
 
 _GARBLED: Final = (ValueError, IndexError, KeyError, TypeError)
 """What python-can's drivers raise when they cannot make a message of what came,
@@ -60,6 +59,7 @@ class BusSide:
         clock: Time of the segment, ns; may be asked in any thread.
         echo: Whether own frames come back and are to be taken out again.
         close_bus: Whether `close` shuts the bus down.
+        fd: Whether frames of CAN FD are taken.
 
     """
 
@@ -72,6 +72,7 @@ class BusSide:
         clock: Callable[[], int],
         echo: bool,
         close_bus: bool,
+        fd: bool = False,
     ) -> None:
         self.bus = bus
         self.name = name
@@ -88,6 +89,7 @@ class BusSide:
         self._owner = owner
         self._clock = clock
         self._echo = echo
+        self._fd = fd
         self._close_bus = close_bus
         self._awaited: deque[tuple[int, CanFrame]] = deque(maxlen=_ECHO_LIMIT)
         self._sending = Lock()
@@ -181,10 +183,9 @@ class BusSide:
             self._owner.arrived_error(self, message, time_ns)
             return
         try:
-            frame = to_frame(message)
+            frame = to_frame(message, fd=self._fd)
         except BusError as error:
-            reason = FD_REASON if message.is_fd else str(error)
-            self._owner.arrived_garbled(self, reason, message.arbitration_id)
+            self._owner.arrived_garbled(self, str(error), message.arbitration_id)
             return
         if not (self._awaited and self._is_echo(frame)):
             self._owner.arrived(self, frame, time_ns)
@@ -247,7 +248,7 @@ class SideReports:
 
     def ignore(self, side: BusSide, reason: str, can_id: int | None) -> None:
         """Count what came and is no frame, and report the first of its kind: there may be thousands."""
-        kind = "fd" if reason == FD_REASON else "garbled"
+        kind = "fd" if reason == NO_FD else "garbled"
         self.ignored[kind] += 1
         if self.ignored[kind] == 1:
             more: dict[str, Scalar] = {} if can_id is None else {"can_id": can_id}

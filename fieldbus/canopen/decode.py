@@ -112,6 +112,8 @@ class FrameDecoder:
 
     def observe(self, frame: CanFrame) -> None:
         """Learn from a frame without describing it; quick for frames that teach nothing."""
+        if frame.fd:
+            return
         service = frame.can_id & 0x780
         if service in (COB_SDO_CLIENT, COB_SDO_SERVER) or (
             service == COB_ERROR_CONTROL and frame.data == b"\0"
@@ -125,7 +127,7 @@ class FrameDecoder:
         Signed where the dictionary says so; what a short frame does not hold is left out. None: the frame is
         no PDO.
         """
-        if frame.remote or frame.extended:
+        if frame.remote or frame.extended or frame.fd:
             return None
         fields = self._fields.get(frame.can_id)
         if fields is None:
@@ -170,7 +172,7 @@ class FrameDecoder:
 
     def decode(self, frame: CanFrame) -> str:
         """Describe a frame, and learn from it; frames of no known service are given in hexadecimal."""
-        if frame.extended:
+        if frame.extended or frame.fd:  # CANopen has classical frames with 11-bit identifiers
             return repr(frame)
         can_id, data = frame.can_id, frame.data
         if frame.remote:

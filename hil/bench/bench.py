@@ -174,7 +174,9 @@ class Bench:
             builder = DeviceBuilder(
                 config, scheduler, history=self.history, recorder=self.recorder, seed=self.seed
             )
-            return builder.build(self._segments.can, self._attach)
+            built = builder.build(self._segments.can, self._attach)
+            self._segments.limit_to_classic()
+            return built
         devices: EmulatedDevices | RemoteDevices = EmulatedDevices()
         if config.emulated_names:
             from hil.bench.remote import RemoteDevices

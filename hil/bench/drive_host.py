@@ -106,7 +106,11 @@ class DriveHost:
                 continue
             self.segments[name] = LiveSegment.open(
                 self.scheduler,
-                **(section.opening_for_drives() if place is None else place),
+                **(
+                    section.opening_for_drives()
+                    if place is None
+                    else {"fd_bitrate": section.data_bitrate, **place}
+                ),
                 name=name,
                 history=self.history,
                 keep_log=keep_log,

@@ -20,6 +20,7 @@ RESERVED_OPTIONS: Final = (
     "history",
     "keep_log",
     "lossy",
+    "fd_bitrate",
     "bridge",
 )
 """Arguments of `LiveSegment.open`, which are no options of an interface."""
@@ -53,6 +54,15 @@ class CanTable(Table, frozen=True):
     """Bit rate of a virtual segment, bit/s; that of a live one is set at its interface, and here it says for
     which rate the load is recorded.
     """
+    data_bitrate: Annotated[int, Field(ge=10_000, le=8_000_000)] | None = None
+    """Bit rate of the data phase of CAN FD, bit/s, not below `bitrate`; none: a classical segment. Nodes of
+    other programs (`can.Bus(interface="hil", fd=True)`) exchange such frames, drives stay classic CANopen and
+    ignore them. That of a live segment is set at its interface, and is here for the load.
+    """
+    classic_nodes: list[str] = []
+    """Nodes of a virtual segment with `data_bitrate` whose CAN controller knows no CAN FD: such a frame is an
+    error for them, and they destroy it.
+    """
     interface: str | None = None
     """python-can interface (`socketcan`, `udp_multicast`, `pcan`, ...); required on a live bench, refused on
     a virtual one.
@@ -82,6 +92,13 @@ class CanTable(Table, frozen=True):
             raise ValueError(f'{where}.interface: a virtual bench has no interface; set bench.kind = "live"')
         if not live and (self.options or self.bridge is not None):
             raise ValueError(f'{where}: options and bridge belong to a live bench; set bench.kind = "live"')
+        if self.data_bitrate is not None and self.data_bitrate < self.bitrate:
+            raise ValueError(
+                f"{where}.data_bitrate: {self.data_bitrate} is not allowed; allowed: {self.bitrate} "
+                "(bitrate) to 8000000"
+            )
+        if self.classic_nodes and (live or self.data_bitrate is None):
+            raise ValueError(f"{where}.classic_nodes: for a virtual segment with data_bitrate only")
         self._check_options(where)
 
     def _check_options(self, where: str) -> None:
@@ -110,6 +127,8 @@ class CanTable(Table, frozen=True):
             "channel": self.channel or "",
             **self.options,
         }
+        if self.data_bitrate is not None:
+            result["fd_bitrate"] = self.data_bitrate
         if self.bridge is not None:
             own = {} if self.bridge.interface is None else {"interface": self.bridge.interface}
             result["bridge"] = {"channel": self.bridge.channel, **own, **self.bridge.options}
@@ -123,6 +142,8 @@ class CanTable(Table, frozen=True):
         far = result.pop("bridge", None)
         if far is not None:
             far.pop("gateway", None)
+            if self.data_bitrate is not None:
+                far["fd_bitrate"] = self.data_bitrate
         return result if far is None else {"interface": self.interface or "", **far}
 
     def in_virtual_time(self) -> CanTable:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING, Final, TypeAlias
 
+from fieldbus.can.port import MediumPort
 from fieldbus.canopen.master import CanopenMaster
 from fieldbus.clock import MS, S
-from fieldbus.errors import BusError, HilError
+from fieldbus.errors import BusError, ConfigurationError, HilError
 from hil.bench.drive_config import ProfidriveModbusTable
 from hil.bench.io_config import StationTable
 from hil.bench.segment_config import CanTable, RtuTable, SegmentTable, TcpTable
@@ -107,7 +108,13 @@ class Segments:
         if self._config.bench.kind == "virtual":
             from fieldbus.can import CanMedium
 
-            return CanMedium(self._scheduler, bitrate=section.bitrate, name=name, history=self._history)
+            return CanMedium(
+                self._scheduler,
+                bitrate=section.bitrate,
+                data_bitrate=section.data_bitrate,
+                name=name,
+                history=self._history,
+            )
         from fieldbus.can.live import LiveSegment
 
         try:
@@ -145,6 +152,22 @@ class Segments:
                     segment.connect(name, host, port)
             except BusError as error:
                 raise BlockedError(str(error)) from error
+
+    def limit_to_classic(self) -> None:
+        """Let the nodes that the bench file names know no CAN FD.
+
+        Raises:
+            ConfigurationError: A segment has no such node.
+
+        """
+        for name, section in self._config.segment.items():
+            if not isinstance(section, CanTable) or not section.classic_nodes:
+                continue
+            ports = {port.name: port for port in self.can[name].ports if isinstance(port, MediumPort)}
+            for node in section.classic_nodes:
+                if node not in ports:
+                    raise ConfigurationError(f"segment.{name}.classic_nodes", node, ", ".join(ports))
+                ports[node].set_classic_only(True)
 
     # -- evidence -------------------------------------------------------------------------------------------
 

@@ -31,6 +31,8 @@ def candump_lines(frames: Iterable[TraceFrame]) -> Iterable[str]:
             continue
         identifier = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:03X}"
         body = f"R{frame.dlc}" if frame.remote else frame.data.hex().upper()
+        if frame.fd:
+            body = f"#{frame.brs | frame.esi << 1:X}{body}"
         seconds, rest = divmod(frame.time_ns, 1_000_000_000)
         yield f"({EPOCH_S + seconds}.{rest // 1000:06d}) {frame.bus} {identifier}#{body}\n"
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final, NoReturn
 
 from fieldbus.can.capture import CAPTURES, read_capture
+from fieldbus.can.fd import check_fd
 from fieldbus.can.frame import CanFrame
 from fieldbus.clock import S
 from fieldbus.errors import BusError
@@ -30,6 +31,7 @@ _LINE: Final = re.compile(
 )
 _REMOTE: Final = re.compile(r"R([0-8]?)")
 _DATA: Final = re.compile(r"((?:[0-9A-Fa-f]{2}){0,8})(?:_([9A-Fa-f]))?")
+_FD_DATA: Final = re.compile(r"#([0-9A-Fa-f])((?:[0-9A-Fa-f]{2}){0,64})")
 _ERROR_FLAG: Final = 0x20000000
 _EXTENDED_DIGITS: Final = 8
 _TENS: Final = tuple(10 ** (9 - digits) for digits in range(10))
@@ -47,8 +49,8 @@ class BusLog:
     path: Path
     channels: dict[str, PackedFrames] = field(default_factory=dict)
     """Times are from time zero: that of the bench in logs of this product, else the first frame."""
-    left_out: int = 0
-    """CAN FD frames."""
+    fd_frames: int = 0
+    """CAN FD frames among them."""
     origin_ns: int = 0
     """Unix time of time zero; 0 where the file has relative times."""
 
@@ -96,10 +98,10 @@ def read_bus_log(path: str | Path) -> BusLog:
                 f"behind it are logs of their own"
             )
         frames.append(stamp_ns, frame, error)
+        log.fd_frames += frame.fd
         numbers[channel] = number
     if not log.channels:
-        more = f"; {log.left_out} CAN FD frames are left out" if log.left_out else ""
-        raise CannotRunError(f"{path} holds no CAN frame{more}")
+        raise CannotRunError(f"{path} holds no CAN frame")
     log.origin_ns = _origin(log)
     for frames in log.channels.values():
         frames.shift(-log.origin_ns)
@@ -128,23 +130,22 @@ def _read_candump(log: BusLog) -> Stamped:
                         _refuse_line(log, stream, line, number)
                     continue
                 seconds, fraction, channel, identifier, body = match.groups()
-                if body[:1] == "#":
-                    log.left_out += 1
-                    continue
                 stamp_ns = int(seconds) * S + int(fraction) * _TENS[len(fraction)]
                 can_id, extended = int(identifier, 16), len(identifier) == _EXTENDED_DIGITS
                 if extended and can_id & _ERROR_FLAG:
                     yield stamp_ns, channel, _ERROR_FRAME, "bus error"
                     continue
                 try:
-                    frame = _classical(can_id, extended, body)
+                    frame = (
+                        _fd(can_id, extended, body) if body[:1] == "#" else _classical(can_id, extended, body)
+                    )
                 except BusError as error:
                     raise CannotRunError(f"{log.path}, line {number}: {error}") from error
                 if frame is None:
                     cut = ": the file is cut off there" if _is_last(stream) else ""
+                    what = "#, flags and bytes of CAN FD" if body[:1] == "#" else "0 to 8 bytes"
                     raise CannotRunError(
-                        f"{log.path}, line {number}: {body!r} are no 0 to 8 bytes in hexadecimal, and no "
-                        f"R{cut}"
+                        f"{log.path}, line {number}: {body!r} are no {what} in hexadecimal, and no R{cut}"
                     )
                 yield stamp_ns, channel, frame, ""
     except (OSError, UnicodeDecodeError) as error:
@@ -181,14 +182,29 @@ def _classical(can_id: int, extended: bool, body: str) -> CanFrame | None:
     return CanFrame(can_id, content, extended=extended, dlc=int(data[2], 16)) if len(content) == 8 else None
 
 
+def _fd(can_id: int, extended: bool, body: str) -> CanFrame | None:
+    """Return the frame of CAN FD that candump writes behind the first #; None: that is none."""
+    data = _FD_DATA.fullmatch(body)
+    if data is None:
+        return None
+    flags = int(data[1], 16)
+    frame = CanFrame(
+        can_id,
+        bytes.fromhex(data[2]),
+        extended=extended,
+        fd=True,
+        brs=bool(flags & 1),
+        esi=bool(flags & 2),
+    )
+    check_fd(frame)
+    return frame
+
+
 def _read_captured(log: BusLog) -> Stamped:
     """Return the frames of a capture file with their stamps."""
     try:
         for stamp_ns, channel, frame, error in read_capture(log.path):
-            if frame is None:
-                log.left_out += 1
-            else:
-                yield stamp_ns, channel, frame, error
+            yield stamp_ns, channel, frame, error
     except (OSError, BusError) as error:
         raise CannotRunError(f"{error}" if isinstance(error, BusError) else f"{log.path}: {error}") from error
 
@@ -198,7 +214,7 @@ def _read_with_library(log: BusLog) -> Stamped:
     import can
     from can.io.blf import BLFParseError
 
-    from fieldbus.can.message import to_frame
+    from fieldbus.can.message import logged_frame
 
     count = 0
     try:
@@ -206,15 +222,12 @@ def _read_with_library(log: BusLog) -> Stamped:
             # Of a BLF file, whose reader takes what is left for the whole.
             stated = getattr(reader, "file_size", 0)
             for message in reader:
-                if message.is_fd:
-                    log.left_out += 1
-                    continue
                 count += 1
                 channel = "" if message.channel is None else str(message.channel)
                 if message.is_error_frame:
                     yield round(message.timestamp * S), channel, _ERROR_FRAME, "bus error"
                 else:
-                    yield round(message.timestamp * S), channel, to_frame(message), ""
+                    yield round(message.timestamp * S), channel, logged_frame(message), ""
     except (
         OSError,
         ValueError,

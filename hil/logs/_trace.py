@@ -93,8 +93,8 @@ def trace_of_log(
 
     reading = _Reading(facts, emit)
     notes = []
-    if log.left_out:
-        notes.append(f"{log.left_out} CAN FD frames are left out")
+    if log.fd_frames:
+        notes.append(f"{log.fd_frames} CAN FD frames are shown, not judged: CANopen has classical frames")
     for segment, channel in pairs.items():
         unknown = reading.read(segment, log.channels[channel])
         if unknown:
@@ -253,7 +253,7 @@ class _Reading:
             if error:
                 self._emit(time_ns, segment, "can.bus_error", code=error)
                 continue
-            if frame.extended:
+            if frame.extended or frame.fd:
                 continue
             can_id = frame.can_id
             if can_id == decoder.sync_id:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias, overload
 
 import numpy as np
 
-from fieldbus.can.frame import CanFrame
+from fieldbus.can.frame import FD_LENGTHS, CanFrame
 from hil.record._spool import Spool
 
 if TYPE_CHECKING:
@@ -24,8 +24,10 @@ FrameLog: TypeAlias = "Sequence[tuple[int, str, BusFrame, str]]"
 
 _EXTENDED: Final = 0x8000_0000
 _REMOTE: Final = 0x4000_0000
+_FD: Final = 0x2000_0000
 _ID: Final = 0x1FFF_FFFF
 _RECORD: Final = struct.Struct("<qIB8s")
+_FD_RECORD: Final = struct.Struct("<qIBQ")
 _SIZE: Final = _RECORD.size
 _ROWS: Final = 65_536
 """Frames that are read at a time."""
@@ -33,11 +35,14 @@ _ROWS: Final = 65_536
 
 class PackedFrames(Sequence[Entry]):
     """A log of CAN frames without senders, 21 bytes per frame, those of a long one in a temporary file; it
-    grows at its end only.
+    grows at its end only. The data of CAN FD frames are in a second store.
     """
 
     def __init__(self) -> None:
         self._spool = Spool()
+        self._long = Spool()
+        self._long_bytes = 0
+        self._long_view: NDArray[np.uint8] | None = None
         self._view: NDArray[np.uint8] | None = None
         self._errors: dict[int, str] = {}
         self._count = 0
@@ -54,8 +59,34 @@ class PackedFrames(Sequence[Entry]):
         self._count += 1
         self._view = None
         word = frame.can_id | (_EXTENDED if frame.extended else 0) | (_REMOTE if frame.remote else 0)
+        if frame.fd:
+            self._append_fd(time_ns, word, frame)
+            return
         self._spool.write(
             _RECORD.pack(time_ns - self._shift_ns, word, len(frame.data) | frame.dlc << 4, frame.data)
+        )
+
+    def _append_fd(self, time_ns: int, word: int, frame: CanFrame) -> None:
+        """Add a frame of CAN FD: the record has the place of its data, BRS and ESI."""
+        place = self._long_bytes << 2 | frame.brs << 1 | frame.esi
+        self._long.write(frame.data)
+        self._long_bytes += len(frame.data)
+        self._long_view = None
+        self._spool.write(_FD_RECORD.pack(time_ns - self._shift_ns, word | _FD, frame.dlc << 4, place))
+
+    def _fd_frame(self, word: int, dlc: int, place: int) -> CanFrame:
+        if self._long_view is None:
+            self._long_view = self._long.view(np.uint8)
+        begin = place >> 2
+        data = self._long_view[begin : begin + FD_LENGTHS[dlc]].tobytes()
+        return CanFrame(
+            word & _ID,
+            data,
+            extended=word & _EXTENDED != 0,
+            dlc=dlc,
+            fd=True,
+            brs=bool(place & 2),
+            esi=bool(place & 1),
         )
 
     def shift(self, by_ns: int) -> None:
@@ -105,6 +136,9 @@ class PackedFrames(Sequence[Entry]):
 
     def _entry(self, data: bytes, at: int, index: int) -> Entry:
         time_ns, word, length, content = _RECORD.unpack_from(data, at)
+        if word & _FD:
+            frame = self._fd_frame(word, length >> 4, int.from_bytes(content, "little"))
+            return time_ns + self._shift_ns, "", frame, self._errors.get(index, "") if self._errors else ""
         frame = CanFrame(
             word & _ID,
             content[: length & 0xF],

@@ -47,6 +47,12 @@ class TraceFrame(NamedTuple):
     """`can`, `modbus_tcp` or `modbus_rtu`; over Modbus `can_id` is the unit."""
     note: str = ""
     """Over Modbus TCP: a connection that opens or closes; such an entry has no data."""
+    fd: bool = False
+    """Frame of CAN FD."""
+    brs: bool = False
+    """Its data phase has the data bit rate."""
+    esi: bool = False
+    """Its sender is error-passive."""
 
     def canonical(self) -> bytes:
         """Return the bytes that enter the digest."""
@@ -62,8 +68,18 @@ class TraceFrame(NamedTuple):
 
 def _can_body(frame: BusFrame | TraceFrame, data: bytes, tail: str) -> bytes:
     """Return what enters the digest of a CAN frame behind its time."""
-    flags = bool(frame.extended) | bool(frame.remote) << 1
+    flags = _flags(frame)
     return _FRAME_HEAD(frame.can_id, flags, frame.dlc, len(data)) + data + tail.encode()
+
+
+def _flags(frame: BusFrame | TraceFrame) -> int:
+    """Return what else there is to say of a frame, in a number: 29 bits, remote, CAN FD with BRS and ESI."""
+    flags = bool(frame.extended) | bool(frame.remote) << 1
+    return (
+        flags | 4 | frame.brs << 3 | frame.esi << 4
+        if isinstance(frame, CanFrame | TraceFrame) and frame.fd
+        else flags
+    )
 
 
 def _can_log(bus: str, log: FrameLog) -> Iterator[tuple[int, bytes]]:
@@ -304,6 +320,7 @@ class Trace:
         log = self._raw_frames[bus]
         protocol = protocol_of(log)
         for time_ns, sender, frame, error in log:
+            can = frame if isinstance(frame, CanFrame) else None
             yield TraceFrame(
                 time_ns,
                 bus,
@@ -316,6 +333,9 @@ class Trace:
                 error,
                 protocol,
                 "" if isinstance(frame, CanFrame) else frame.note,
+                fd=can is not None and can.fd,
+                brs=can is not None and can.brs,
+                esi=can is not None and can.esi,
             )
 
     def raw_frames(self, bus: str) -> FrameLog:
@@ -520,7 +540,7 @@ def _group_of(entry: Mapping[str, Any], times: NDArray[np.int64], values: NDArra
 
 
 def _row_of(time_ns: int, sender: str, frame: BusFrame, error: str) -> list[object]:
-    flags = frame.extended | frame.remote << 1
+    flags = _flags(frame)
     row: list[object] = [time_ns, sender, frame.can_id, bytes(frame.data).hex(), flags, frame.dlc, error]
     return row if isinstance(frame, CanFrame) else [*row, frame.protocol, frame.asked.hex(), frame.note]
 
@@ -533,5 +553,14 @@ def _entry_of(row: list[Any]) -> tuple[int, str, BusFrame, str]:
 
         protocol, asked, note = modbus
         return time_ns, sender, ModbusFrame(protocol, content, bytes.fromhex(asked), note), error
-    frame = CanFrame(can_id, content, extended=bool(flags & 1), remote=bool(flags & 2), dlc=dlc)
+    frame = CanFrame(
+        can_id,
+        content,
+        extended=bool(flags & 1),
+        remote=bool(flags & 2),
+        dlc=dlc,
+        fd=bool(flags & 4),
+        brs=bool(flags & 8),
+        esi=bool(flags & 16),
+    )
     return time_ns, sender, frame, error

@@ -51,7 +51,7 @@ class BusFrames:
             times: defaultdict[int, list[int]] = defaultdict(list)
             data: defaultdict[int, list[bytes]] = defaultdict(list)
             for time_ns, _sender, frame, error in self._trace.raw_frames(bus):
-                if error or not isinstance(frame, CanFrame) or frame.extended or frame.remote:
+                if error or not isinstance(frame, CanFrame) or frame.extended or frame.remote or frame.fd:
                     continue
                 can_id = frame.can_id
                 times[can_id].append(time_ns)

@@ -115,14 +115,12 @@ def _duplicate(injection: Injection, _segment: FrameSegment, _rng: Generator) ->
 
 def _replace(injection: Injection, _segment: FrameSegment, _rng: Generator) -> Treatment:
     data = parse_payload(injection.kind.name, injection.values)
-    return lambda frame: HookResult.replace(CanFrame(frame.can_id, data, extended=frame.extended))
+    return lambda frame: HookResult.replace(frame.with_data(data))
 
 
 def _length(injection: Injection, _segment: FrameSegment, _rng: Generator) -> Treatment:
     length = injection.values.integer("length")
-    return lambda frame: HookResult.replace(
-        CanFrame(frame.can_id, frame.data[:length].ljust(length, b"\0"), extended=frame.extended)
-    )
+    return lambda frame: HookResult.replace(frame.with_data(frame.data[:length].ljust(length, b"\0")))
 
 
 def _lose_arbitration(injection: Injection, segment: FrameSegment, _rng: Generator) -> Treatment:
@@ -140,7 +138,7 @@ def _collide(injection: Injection, segment: FrameSegment, _rng: Generator) -> Tr
 
     def collide(frame: CanFrame) -> None:
         data = given or bytes(byte ^ 0xFF for byte in frame.data)
-        segment.inject(CanFrame(frame.can_id, data, extended=frame.extended), sender=_TWIN)
+        segment.inject(frame.with_data(data), sender=_TWIN)
 
     return collide
 

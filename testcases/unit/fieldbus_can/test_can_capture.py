@@ -62,7 +62,7 @@ def test_big_endian_and_microseconds(tmp_path):
 
 
 def test_cooked_links_and_can_fd(tmp_path):
-    """What the interface `any` gives is read, also beside other protocols; frames of CAN FD are counted."""
+    """What the interface `any` gives is read, also beside other protocols, and of CAN FD."""
     fd = packet(data=bytes(12), flags=0x04)
     for link_type, head, other, channel in (
         (113, bytes(14) + b"\x00\x0c", bytes(14) + b"\x08\x00", ""),
@@ -74,7 +74,7 @@ def test_cooked_links_and_can_fd(tmp_path):
             for number, data in enumerate((head + packet(), other + b"E", head + fd)):
                 writer.write(number * MS, data)
         log = read_bus_log(path)
-        assert (log.frames, log.left_out, list(log.channels)) == (1, 1, [channel])
+        assert (log.frames, log.fd_frames, list(log.channels)) == (2, 1, [channel])
 
 
 def test_units_and_interfaces_of_pcapng(tmp_path):

@@ -102,12 +102,12 @@ def test_frames_of_other_kinds_are_left_aside(lines, tmp_path):
             mixed.append(f"{stamp} vcan3 {others[number // 20 % len(others)]} T")
     log = decode(written(tmp_path, mixed))
     assert verdicts(log.trace) == blocked()
-    assert re.match(r"\d+ CAN FD frames are left out", log.notes[0])
+    assert re.match(r"\d+ CAN FD frames are shown, not judged", log.notes[0])
     assert "not in the bench file: node 6" in log.notes[1]
     assert {entry.source for entry in log.trace.select(kind="can.bus_error")} == {"can0"}
     assert not list(log.trace.select(kind="log."))
-    raw = [frame.dlc for _, _, frame, _ in log.trace.raw_frames("can0") if frame.can_id == 0x123]
-    assert set(raw) == {14}
+    raw = {(frame.fd, frame.dlc) for _, _, frame, _ in log.trace.raw_frames("can0") if frame.can_id == 0x123}
+    assert raw == {(False, 14), (True, 4)}
 
 
 @pytest.mark.exhaustive
