@@ -4,23 +4,15 @@ middle of a case.
 
 from __future__ import annotations
 
-import sys
-from contextlib import redirect_stdout
-from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from hil._built import listen
-from hil._commands._test_run import arguments_of_test
+from hil._commands._moment import at_moment
 from hil._commands.terminal import console, print_json, quiet_stdout
-from hil.campaign import CaseContext, Token, load_bench_file, load_campaign
-from hil.errors import BlockedError, TokenError
+from hil.campaign import load_bench_file
 from motion.s7.controller import ControllerDiagnosis
 
 if TYPE_CHECKING:
     from hil.bench.bench import Bench
-    from hil.protocols import Bench as ProtocolBench
-    from hil.protocols import BenchFile
     from motion.s7.diagnostics import Diagnosis
 
 
@@ -43,7 +35,12 @@ def show_diagnosis(
 
     """
     with quiet_stdout(as_json):
-        found, note = _of_case(token, bench, at_s, axis) if token else _of_bench(bench, after_s, axis)
+        if token:
+            found, note = at_moment(
+                token, lambda built, what: (_snapshot(built, axis), what), at_s=at_s, reference=bench
+            )
+        else:
+            found, note = _of_bench(bench, after_s, axis)
     if as_json:
         print_json(
             {
@@ -83,79 +80,3 @@ def _of_bench(reference: str, after_s: float, axis: str) -> tuple[_Snapshot, str
     with bench_file.build(seed=0) as bench:
         bench.run_for(after_s)
         return _snapshot(bench, axis), f"{bench_file.name} at {bench.now_s:.3f} s"
-
-
-def _of_case(text: str, reference: str, at_s: float | None, axis: str) -> tuple[_Snapshot, str]:
-    token = Token.decode(text)
-    if token.program is not None:
-        raise TokenError("the token of a fuzz program; hil diag repeats cases of campaigns")
-    if token.test_file:
-        return _of_test(token, reference, at_s, axis)
-    bench_file = load_bench_file(reference or token.bench or None)
-    campaign = load_campaign(token.campaign)
-    if token.case not in campaign:
-        raise TokenError(f"{token.campaign} has no case {token.case!r} any more")
-    case = campaign[token.case]
-    taken: list[tuple[_Snapshot, float]] = []
-    with bench_file.build(seed=token.seed) as bench:
-
-        def take() -> None:
-            if not taken:
-                taken.append((_snapshot(bench, axis), bench.now_s))
-
-        if at_s is not None:
-            if at_s * 1e9 <= bench.scheduler.now:
-                raise TokenError(f"--at {at_s:g}: the bench is ready only after {bench.now_s:.3f} s")
-            bench.scheduler.at(round(at_s * 1e9), take)
-        ending = "ended"
-        try:
-            case.call(CaseContext(bench, seed=token.seed))
-        except (AssertionError, BlockedError) as error:
-            ending = f"stopped with: {error}"
-        if at_s is not None and not taken:
-            raise TokenError(f"--at {at_s:g}: the case {ending} at {bench.now_s:.3f} s already")
-        take()
-    found, moment = taken[0]
-    return found, f"{case.identifier} on {bench_file.name} at {moment:.3f} s"
-
-
-def _of_test(token: Token, reference: str, at_s: float | None, axis: str) -> tuple[_Snapshot, str]:
-    """Repeat a test of pytest in this process, and look at the bench that it builds last."""
-    import pytest
-
-    taken: list[tuple[_Snapshot, float, str]] = []
-    ready_s: list[float] = []
-
-    def on_bench(bench: ProtocolBench, bench_file: BenchFile[ProtocolBench]) -> None:
-        from hil.bench.bench import Bench
-
-        assert isinstance(bench, Bench)  # only bench files of the product announce what they build
-        taken.clear()
-        ready_s[:] = [bench.now_s]
-
-        def take() -> None:
-            if not taken:
-                taken.append((_snapshot(bench, axis), bench.now_s, bench_file.name))
-
-        if at_s is None:
-            bench.on_close(take)
-        elif at_s * 1e9 > bench.scheduler.now:
-            bench.scheduler.at(round(at_s * 1e9), take)
-
-    arguments = arguments_of_test(replace(token, bench=reference or token.bench))
-    sys.path.insert(0, str(Path.cwd()))  # as `python -m pytest` does
-    stop = listen(on_bench)
-    try:
-        with redirect_stdout(sys.stderr):
-            pytest.main([*arguments, "-q", "--no-header", "--no-summary", "--tb=no"])
-    finally:
-        stop()
-        sys.path.pop(0)
-    if not taken:
-        why = "built no bench"
-        if ready_s:
-            early = at_s is not None and at_s <= ready_s[0]
-            why = f"has a bench that is ready only after {ready_s[0]:.3f} s" if early else "ended before"
-        raise TokenError(f"--at {at_s:g}: {token.case} {why}" if at_s is not None else f"{token.case} {why}")
-    found, moment, name = taken[0]
-    return found, f"{token.case} on {name} at {moment:.3f} s"

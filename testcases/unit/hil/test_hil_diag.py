@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from hil._commands._moment import at_moment
 from hil.bench import load_bench
 from hil.campaign import Token
 from hil.campaign._evidence import build_alarms
@@ -35,6 +36,27 @@ def test_a_fresh_bench(capsys):
     assert content["axes"][0]["telegram"]["STW1"].startswith("047Eh")
     assert content["controller"]["state"] == "RUN"
     assert content["controller"]["diagnostics buffer"][-1]["source"] == "drive1"
+
+
+@pytest.mark.exhaustive
+def test_from_the_instant_of_a_case_or_a_program_it_goes_on():
+    """The bench stands at the instant, in the middle of what the case does, and can be led from there."""
+
+    def look(bench, what):
+        axis, before = bench.axis(), (bench.now_s, what)
+        assert axis.state.name == "MOTION"
+        job = axis.halt()
+        bench.wait_until(job.done, timeout=2.0)
+        return before
+
+    case = Token("stop-modes/power-0/constant", seed=1, campaign=CAMPAIGN).encode()
+    assert at_moment(case, look, at_s=0.4) == (
+        0.4,
+        "stop-modes/power-0/constant on reference axis at 0.400 s",
+    )
+    steps = [{"do": "power_on"}, {"wait": 0.2}, {"do": "move_velocity", "velocity": 50}, {"wait": 2.0}]
+    program = Token("fuzz/1", seed=1, program=steps).encode()
+    assert at_moment(program, look, at_s=1.5) == (1.5, "fuzz/1 on reference axis at 1.500 s")
 
 
 @pytest.mark.exhaustive
