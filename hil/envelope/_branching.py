@@ -242,6 +242,9 @@ class Branching:
                 if at > last:
                     raise _TimeIsOver
 
+            if self._rules:
+                # What the rules compute once and keep is there for every copy.
+                run_checkers(bench.trace())
             # Fewer pages are copied when the collector leaves what is there alone.
             gc.collect()
             gc.freeze()

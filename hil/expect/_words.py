@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -38,6 +39,7 @@ def has_torque(statuswords: NDArray[np.int64]) -> NDArray[np.bool_]:
     return result
 
 
+@lru_cache(maxsize=1024)
 def normal_state(text: str) -> str:
     """Return a state text in one spelling: `Operation enabled`,
     `OPERATION_ENABLED` become `operation_enabled`.
