@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from fieldbus.canopen.master import CanopenMaster
     from fieldbus.canopen.node import RemoteNode
     from fieldbus.modbus import ModbusFrame
+    from fieldbus.node_clock import NodeClock
     from hil.bench.config import BenchConfig
     from hil.bench.drive_ports import DrivePorts, Port
     from hil.bench.modbus_links import ModbusDevice
@@ -137,6 +138,7 @@ class Bench:
                 self._segments,
                 history=self.history,
                 recorder=self.recorder,
+                rng=self.rng,
             )
             stack.callback(self._control.ports.close)
             if self.kind == "live":
@@ -448,6 +450,11 @@ class Bench:
     def controllers(self) -> dict[str, Controller]:
         """Controllers beside `controller`, by name."""
         return {name: runtime.controller for name, runtime in self._control.others.items()}
+
+    @property
+    def controller_clocks(self) -> dict[str, NodeClock]:
+        """Clocks of the controllers beside `controller`, by name."""
+        return self._control.clocks
 
     @property
     def cam_names(self) -> tuple[str, ...]:

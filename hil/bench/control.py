@@ -4,11 +4,13 @@ and I/O stations as it sees them.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.clock import MS, US, S
 from fieldbus.errors import ErrorCollector
+from fieldbus.node_clock import NodeClock
 from hil.bench.axis_config import AxisTable, ExternalEncoderTable, second_of
 from hil.bench.cam_config import CamTable
 from hil.bench.controller_buses import ControllerBuses
@@ -24,7 +26,9 @@ from motion.s7.cams import Cam
 from motion.s7.handles import AxisHandle, EncoderHandle, ProxyHandle
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
+
+    from numpy.random import Generator
 
     from fieldbus.history import History
     from hil.bench.config import BenchConfig
@@ -58,6 +62,7 @@ class ControlSystem:
         segments: The buses.
         history: Event log.
         recorder: Samples axes and external encoders.
+        rng: Returns the random stream of a name.
 
     Raises:
         ConfigurationError: A variable of an axis does not exist or is out of range.
@@ -72,6 +77,7 @@ class ControlSystem:
         *,
         history: History,
         recorder: Recorder,
+        rng: Callable[[str], Generator],
     ) -> None:
         self._config = config
         self._runtime = runtime
@@ -90,8 +96,12 @@ class ControlSystem:
         self._project: Project | None = None
         self.nc_axes: dict[str, NcAxisHandle] = {}
         self.external_encoders: dict[str, EncoderHandle] = {}
+        self.clocks: dict[str, NodeClock] = {
+            name: NodeClock(self._scheduler, partial(rng, f"controller.{name}")) for name in config.controller
+        }
+        """Clocks of the controllers beside that of `[bench]`."""
         self.others: dict[str, Runtime] = {
-            name: self._other_runtime(section.phase_us) for name, section in config.controller.items()
+            name: self._other_runtime(name, section.phase_us) for name, section in config.controller.items()
         }
         """Controllers beside that of `[bench]`."""
         self.proxies: dict[str, ProxyHandle] = {}
@@ -160,13 +170,13 @@ class ControlSystem:
 
     # -- axes -----------------------------------------------------------------------------------------------
 
-    def _other_runtime(self, phase_us: int | None) -> Runtime:
+    def _other_runtime(self, name: str, phase_us: int | None) -> Runtime:
         """Return one more controller with the cycles of the bench."""
         from motion.s7.runtime import Runtime
 
         runtime = self._runtime
         return Runtime(
-            self._scheduler,
+            self.clocks[name],
             cycle_ns=runtime.cycle_ns,
             interpolator_ns=self._interpolator_ns,
             phase_ns=None if phase_us is None else phase_us * US,

@@ -17,6 +17,7 @@ from hil.faults.kinds import (
     io,
     machine,
     modbus,
+    proxy,
     safety,
     telegram,
 )
@@ -36,6 +37,7 @@ FAMILIES: Final[tuple[Family, ...]] = (
     controller.FAMILY,
     axis.FAMILY,
     cam.FAMILY,
+    proxy.FAMILY,
 )
 CATALOGUE: Final[tuple[FaultType, ...]] = tuple(kind for family in FAMILIES for kind in family.kinds)
 

@@ -51,7 +51,7 @@ T = TypeVar("T")
 S = TypeVar("S")
 Work = Callable[[], None]
 TargetKind = Literal[
-    "segment", "drive", "axis", "switch", "mechanics", "encoder", "station", "controller", "cam"
+    "segment", "drive", "axis", "switch", "mechanics", "encoder", "station", "controller", "cam", "proxy"
 ]
 
 

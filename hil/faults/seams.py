@@ -10,8 +10,8 @@ says otherwise.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Protocol, TypeGuard, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, TypeVar
 
 from typing_extensions import get_protocol_members
 
@@ -893,6 +893,79 @@ class BenchWithCams(Protocol):
 
     def cam(self, name: str) -> WritableCam:
         """Return a cam by its name."""
+
+
+class LeadingTelegram(Protocol):
+    """A leading value on its way to another controller."""
+
+    valid: bool
+
+
+class LeadingWay(Protocol):
+    """The way of leading values from one controller to another."""
+
+    delay_ns: int
+    lost: bool
+    disturb: Callable[[Any], None] | None
+
+
+class WithLeadingWay(Protocol):
+    """A leading-axis proxy."""
+
+    @property
+    def link(self) -> LeadingWay:
+        """The way of its telegrams."""
+
+
+class BenchWithProxies(Protocol):
+    """A bench with leading-axis proxies."""
+
+    @property
+    def proxy_names(self) -> tuple[str, ...]:
+        """Their names."""
+
+    def proxy(self, name: str) -> WithLeadingWay:
+        """Return a proxy by its name."""
+
+
+class DriftingClock(Protocol):
+    """The clock of a controller."""
+
+    def drift(self, ppm: float) -> None:
+        """Run fast or slow by so many parts per million from now on."""
+
+
+class BenchWithControllerClocks(Protocol):
+    """A bench with more than one controller."""
+
+    @property
+    def controller_clocks(self) -> Mapping[str, DriftingClock]:
+        """Clocks of the controllers beside that of `[bench]`, by name."""
+
+
+class GivesLeadingValue(Protocol):
+    """A technology object that may lead others."""
+
+    leading_defective: bool
+
+
+class ControlsPosition(Protocol):
+    """An axis whose position control can be opened."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def motion(self) -> PositionControlled:
+        """Its motion."""
+
+
+class PositionControlled(Protocol):
+    """The motion of an axis."""
+
+    def set_position_control(self, on: bool) -> None:
+        """Close or open position control."""
 
 
 class RaisesAlarms(Protocol):

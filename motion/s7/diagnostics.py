@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from motion.s7.axis.external_encoder import ExternalEncoder
 
 Row = tuple[str, str]
+"""Indication, and its variable: `!` in front inverts a bit, `|` stands between bits of which one is enough,
+`=` before values of which the variable has one.
+"""
 """Indication and variable; a leading `!` inverts a bit."""
 
 _MAXIMUM_SPEED: Final = "maximum velocity"
@@ -59,9 +62,18 @@ _POSITION_MOTION: Final[tuple[Row, ...]] = (
     ("positioning job", "StatusWord.X8"),
     ("standstill", "StatusWord.X7"),
     ("clamped at a fixed stop", "StatusWord.X30"),
-    ("superimposed motion", "StatusWord.X23"),
+    ("superimposed motion", "StatusWord.X23|StatusWord2.X6|StatusWord2.X7"),
     ("superimposed motion is halted", "StatusWord2.X7"),
 )
+_WAITS: Final = "StatusSynchronizedMotion.WaitingFunctionState"
+_SYNCHRONOUS_MOTION: Final[tuple[Row, ...]] = (
+    ("synchronisation pending", f"{_WAITS}=2,3"),
+    ("synchronising", "StatusWord.X21"),
+    ("synchronous", "StatusWord.X22"),
+    ("desynchronisation pending", f"{_WAITS}=4,5"),
+    ("desynchronising", "StatusWord2.X1"),
+)
+"""What a synchronous axis shows as well (SYN-386 to SYN-388)."""
 _WARNINGS: Final[tuple[Row, ...]] = (
     ("configuration", "WarningWord.X1"),
     ("job rejected", "WarningWord.X3"),
@@ -146,9 +158,9 @@ ENCODER_PAGES: Final[dict[str, tuple[Row, ...]]] = {
 """The pages of an external encoder (DIA-072 to DIA-087, DIA-096, DIA-097)."""
 
 
-def pages(*, has_position: bool) -> dict[str, tuple[Row, ...]]:
-    """Return the pages of a positioning or a speed axis: title and rows (DIA-001
-    to DIA-071, DIA-089 to DIA-099).
+def pages(*, has_position: bool, follows: bool = False) -> dict[str, tuple[Row, ...]]:
+    """Return the pages of a positioning or a speed axis, or one that `follows` others: title and rows
+    (DIA-001 to DIA-071, DIA-089 to DIA-099).
     """
     if not has_position:
         return {
@@ -161,7 +173,7 @@ def pages(*, has_position: bool) -> dict[str, tuple[Row, ...]]:
     return {
         "axis status": _STATUS + _POSITION_STATUS,
         "limit switches": _LIMIT_SWITCHES,
-        "motion status": _MOTION + _POSITION_MOTION,
+        "motion status": _MOTION + _POSITION_MOTION + (_SYNCHRONOUS_MOTION if follows else ()),
         "warnings": _WARNINGS + _POSITION_WARNINGS,
         "errors": _ERRORS + _POSITION_ERRORS,
         "values": _POSITION_VALUES + _VALUES,
@@ -270,6 +282,11 @@ def _snapshot(
     words = {name: int(one.var(name)) for name in names}
 
     def value(variable: str) -> float:
+        if "|" in variable:
+            return any(value(one) for one in variable.split("|"))
+        path, found, values = variable.partition("=")
+        if found:
+            return one.var(path) in {int(number) for number in values.split(",")}
         word, _, bit = variable.lstrip("!").partition(".X")
         if word in words and bit.isdigit():
             return bool(words[word] >> int(bit) & 1) is not variable.startswith("!")
@@ -293,7 +310,7 @@ def _snapshot(
             name: unit
             for rows in pages_shown.values()
             for name, variable in rows
-            if ".X" not in variable and (unit := one.variables.unit(variable))
+            if ".X" not in variable and "=" not in variable and (unit := one.variables.unit(variable))
         },
     )
 
@@ -309,7 +326,7 @@ def diagnose(axis: TechnologyAxis) -> Diagnosis:
     return _snapshot(
         axis,
         axis.alarms.engine,
-        pages(has_position=axis.has_position),
+        pages(has_position=axis.has_position, follows=axis.object_type == "SynchronousAxis"),
         axis.state.name,
         job=None if job is None else f"{job.instruction} {job.name}",
         telegram=telegram,

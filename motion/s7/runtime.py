@@ -141,6 +141,7 @@ class Runtime:
             take(axis, ())
             for leading in axis.leading_objects:
                 leading.lead()
+            axis.check_interconnections()
         self.axes[:] = [axis for axis in ordered if axis in self.axes]
 
     def add_cam(self, cam: Cam) -> None:

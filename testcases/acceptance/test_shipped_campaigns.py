@@ -184,6 +184,7 @@ def bench_file(name):
         *few("synchronous", [gearing.CAMPAIGN, camming.CAMPAIGN, leading_values.CAMPAIGN]),
         *few("testcases.campaigns.leading_values:ACTUAL", [leading_values.COUPLINGS]),
         *few("testcases.campaigns.leading_values:MODULO", [leading_values.RANGES]),
+        *few("testcases.campaigns.leading_values:ACROSS", [leading_values.PROXIES]),
     ],
 )
 def test_case_passes(bench, case):

@@ -14,6 +14,7 @@ from testcases.campaigns._synchronous import (
     BENCH,
     DISTANCE,
     FOLLOWER,
+    LAST,
     LEADER,
     MATERIAL,
     SPEED,
@@ -32,11 +33,32 @@ _MODULO: Final = {
 }  # fmt: skip
 MODULO: Final[BenchFile] = load_bench(BENCH).configured({"axis": {LEADER: {"variables": _MODULO}}})
 """The bench whose leading axis counts from 0 to 40 mm, again and again."""
+PROXY: Final = "line"
+"""The leading-axis proxy of the second controller."""
+_TOLERANCE_S: Final = 0.02
+"""Time for which the proxy bridges an outage, s."""
+ACROSS: Final[BenchFile] = load_bench(BENCH).configured(
+    {
+        "controller": {"plc2": {"phase_us": 1000}},
+        "proxy": {
+            PROXY: {
+                "axis": LEADER,
+                "plc": "plc2",
+                "variables": {"Parameter.ToleranceTimeExternalLeadingValueInvalid": _TOLERANCE_S},
+            }
+        },
+        "axis": {FOLLOWER: {"plc": "plc2", "leading": [PROXY]}, LAST: {"leading": [LEADER]}},
+    }
+)
+"""The bench whose first follower belongs to a second controller, behind a proxy."""
 _HERE: Final = "testcases.campaigns.leading_values"
 
 CAMPAIGN: Final = Campaign("leading values", tags=("synchronous",), bench=BENCH)
 COUPLINGS: Final = Campaign("leading actual values", tags=("synchronous",), bench=f"{_HERE}:ACTUAL")
 RANGES: Final = Campaign("leading modulo values", tags=("synchronous",), bench=f"{_HERE}:MODULO")
+PROXIES: Final = Campaign(
+    "leading values across controllers", tags=("synchronous", "fault"), bench=f"{_HERE}:ACROSS"
+)
 
 
 def _behind_material(ctx: CaseContext) -> tuple[Machine, Any, Any]:
@@ -274,4 +296,207 @@ def not_interconnected(ctx: CaseContext) -> None:
     job = here.follower.gear_in(ctx.bench.axis("follower_b"), 1, 1)
     ctx.run_for(0.2)
     ctx.expect(alarm(601, reaction=2, since=since, axis=FOLLOWER).covers("SYN-310"))
+    ctx.measure(f"ErrorID of {job.name}", job.ErrorID, low=0x8001, high=0x8001)
+
+
+# -- across controllers
+# --------------------------------------------------------------------------------------------
+
+
+def _behind_proxy(ctx: CaseContext, phase: str = "synchronous") -> tuple[Machine, Any]:
+    """Bring the follower into a phase behind the proxy, at constant velocity; returns machine and job."""
+    here = machine(ctx)
+    line = ctx.bench.proxy(PROXY)
+    job = here.follow("gear-in-pos", line)
+    here.lead()
+    if phase == "waiting":
+        ctx.run_for(0.3)
+        return here, job
+    ctx.wait_until(lambda: job.StartSync or job.InSync, 3.0, "synchronising begins")
+    ctx.run_for(0.1)
+    if phase == "synchronising":
+        return here, job
+    ctx.wait_until(job.in_sync, 3.0, "the axis is synchronous")
+    ctx.run_for(0.1)
+    if phase == "synchronous":
+        return here, job
+    out = here.follower.gear_out(here.position(here.follower) + 40.0, MasterStopDistance=DISTANCE)
+    ctx.wait_until(lambda: out.StartSyncOut, 3.0, "desynchronising begins")
+    ctx.run_for(0.1)
+    return here, out
+
+
+def _expect_lost(ctx: CaseContext, here: Machine, job: Any, number: int) -> None:
+    """Expect an alarm of the proxy, 601 at its follower, which stands then, and the leading axis to go on."""
+    ctx.expect(
+        alarm(number, reaction=13, since=applied(), axis=PROXY).covers("SYN-314"),
+        alarm(601, reaction=2, since=applied(), axis=FOLLOWER).covers("SYN-073"),
+        no_alarm(since=applied(), axis=LEADER),
+    )
+    speed = abs(here.follower.var("ActualVelocity"))
+    ctx.measure("velocity of the follower", speed, "mm/s", high=1.0, requirements=("SYN-073",))
+    ctx.measure(f"ErrorID of {job.name}", job.ErrorID, low=0x8001, high=0x8001, requirements=("SYN-073",))
+    ctx.measure("velocity of the leading axis", here.leader.var("Velocity"), "mm/s", low=SPEED, high=SPEED)
+
+
+@PROXIES.product(
+    "outage/{fault}/{phase}",
+    parameters={
+        "fault": ("lost", "invalid"),
+        "phase": ("waiting", "synchronising", "synchronous", "desynchronising"),
+    },
+    title="No valid telegrams for long ({fault}), {phase}",
+    requirements=("SYN-073", "SYN-314", "SYN-357"),
+)
+def outage(ctx: CaseContext, fault: str, phase: str) -> None:
+    """Alarm 900 after the tolerance time, 601 at the follower in whatever phase it is; acknowledged, it
+    follows again.
+    """
+    here, job = _behind_proxy(ctx, phase)
+    ctx.inject(f"proxy.{fault}", PROXY, duration_s=0.5)
+    ctx.run_for(0.8)
+    _expect_lost(ctx, here, job, 900)
+    line = ctx.bench.proxy(PROXY)
+    for one in (line, here.follower):
+        ctx.wait_until(one.reset().done, 1.0, f"{one.name} is acknowledged")
+    ctx.run_for(0.02)
+    ctx.wait_until(here.follower.gear_in(line, 1, 2).in_gear, 3.0, "the axis is in gear again")
+
+
+@PROXIES.product(
+    "bridged/{fault}",
+    parameters={"fault": ("lost", "invalid")},
+    title="Telegrams are missing for less than the tolerance time ({fault})",
+    requirements=("SYN-073",),
+)
+def bridged(ctx: CaseContext, fault: str) -> None:
+    """The follower goes on with the last velocity, and is where it has to be afterwards."""
+    here, job = _behind_proxy(ctx)
+    off = here.position(here.follower) - 0.5 * here.position(here.leader)
+    ctx.inject(f"proxy.{fault}", PROXY, duration_s=_TOLERANCE_S - 0.008)
+    ctx.run_for(0.3)
+    now = here.position(here.follower) - 0.5 * here.position(here.leader)
+    ctx.measure("off the gear", abs(now - off), "mm", high=1e-6, requirements=("SYN-073",))
+    ctx.measure("InSync", float(job.InSync), low=1.0)
+    ctx.expect(no_alarm(since=applied()))
+
+
+@PROXIES.product(
+    "corrupt/{field}",
+    parameters={
+        "field": ("version", "modulo_start", "modulo_length", "position", "velocity", "acceleration")
+    },
+    title="Field {field} of the telegrams makes no sense",
+    requirements=("SYN-466", "SYN-479"),
+)
+def corrupt(ctx: CaseContext, field: str) -> None:
+    """Alarm 901 at once, with the number of the field."""
+    here, job = _behind_proxy(ctx)
+    ctx.inject("proxy.corrupt", PROXY, duration_s=0.1, field=field)
+    ctx.run_for(0.8)
+    _expect_lost(ctx, here, job, 901)
+
+
+@PROXIES.case("late", title="Telegrams come 8 ms later", requirements=("SYN-392",))
+def late(ctx: CaseContext) -> None:
+    """The proxy does not know: the follower is behind by the way of two cycles, as long as it lasts."""
+    here, job = _behind_proxy(ctx)
+    off = here.position(here.follower) - 0.5 * here.position(here.leader)
+    armed = ctx.inject("proxy.late", PROXY, delay_ms=8.0)
+    ctx.run_for(0.3)
+    behind = off - (here.position(here.follower) - 0.5 * here.position(here.leader))
+    way = 0.5 * SPEED * 0.008
+    ctx.measure("behind the gear", behind, "mm", low=way - 1e-6, high=way + 1e-6, requirements=("SYN-392",))
+    armed.remove()
+    ctx.run_for(0.3)
+    now = here.position(here.follower) - 0.5 * here.position(here.leader)
+    ctx.measure("off the gear afterwards", abs(now - off), "mm", high=1e-6)
+    ctx.measure("InSync", float(job.InSync), low=1.0)
+    ctx.expect(no_alarm(since=applied()))
+
+
+@PROXIES.product(
+    "drift/{sense}",
+    parameters={"sense": ("fast", "slow")},
+    title="The clock of the second controller runs {sense}, by 0.5 %",
+)
+def drift(ctx: CaseContext, sense: str) -> None:
+    """Its cycle slides along that of the leading controller, through more than a whole one: the follower is
+    never off by more than the way of a cycle, and nobody stops.
+    """
+    _, job = _behind_proxy(ctx)
+    begin = ctx.now_s
+    ctx.inject("controller.clock_drift", "plc2", drift_ppm=5000.0 if sense == "fast" else -5000.0)
+    ctx.run_for(1.5)
+    ctx.measure("InSync", float(job.InSync), low=1.0)
+    ctx.expect(
+        no_alarm(since=applied()),
+        follows(FOLLOWER, LEADER, 0.5, since=begin, tolerance=0.5 * SPEED * 0.004 * 2.5),
+    )
+
+
+@PROXIES.case("leader-fails", title="The encoder of the leading axis fails", requirements=("SYN-073",))
+def leader_fails(ctx: CaseContext) -> None:
+    """Its cycles on the bus are lost: the telegrams say that the value is none, and the follower stops."""
+    _, job = _behind_proxy(ctx)
+    ctx.inject("can.unplug", node="leader_drive", duration_s=0.4)
+    ctx.run_for(1.0)
+    ctx.expect(
+        alarm(900, reaction=13, since=applied(), axis=PROXY).covers("SYN-314"),
+        alarm(601, reaction=2, since=applied(), axis=FOLLOWER).covers("SYN-073"),
+        standstill(by=ctx.now_s - 0.2, axis=FOLLOWER),
+    )
+    ctx.measure(f"ErrorID of {job.name}", job.ErrorID, low=0x8001, high=0x8001)
+
+
+@PROXIES.product(
+    "defective/{phase}",
+    parameters={"phase": ("synchronising", "synchronous")},
+    title="The leading axis gives no value, {phase}",
+    requirements=("SYN-310", "SYN-358"),
+)
+def defective(ctx: CaseContext, phase: str) -> None:
+    """It goes on by itself, but leads no more: 900 at the proxy, 601 at the follower."""
+    here, job = _behind_proxy(ctx, phase)
+    ctx.inject("axis.no_leading_value", LEADER, duration_s=0.5)
+    ctx.run_for(0.8)
+    _expect_lost(ctx, here, job, 900)
+
+
+@CAMPAIGN.product(
+    "no-value/{phase}",
+    parameters={"phase": ("waiting", "synchronising", "synchronous", "desynchronising")},
+    title="The leading axis gives no value, {phase}",
+    requirements=("SYN-310", "SYN-358"),
+)
+def no_value(ctx: CaseContext, phase: str) -> None:
+    """Alarm 601 at the follower in whatever phase, which stands then; the leading axis goes on."""
+    here = machine(ctx)
+    job = bring(ctx, here, "gear-in-pos", phase)
+    ctx.inject("axis.no_leading_value", LEADER, duration_s=0.5)
+    ctx.run_for(0.8)
+    ctx.expect(
+        alarm(601, reaction=2, since=applied(), axis=FOLLOWER).covers("SYN-310"),
+        no_alarm(since=applied(), axis=LEADER),
+        standstill(by=ctx.now_s - 0.2, axis=FOLLOWER),
+    )
+    ctx.measure(f"ErrorID of {job.name}", job.ErrorID, low=0x8001, high=0x8001)
+
+
+@CAMPAIGN.product(
+    "control-off/{phase}",
+    parameters={"phase": ("synchronising", "desynchronising")},
+    title="The leading axis leaves position control, {phase}",
+    requirements=("SYN-311", "SYN-358"),
+)
+def control_off(ctx: CaseContext, phase: str) -> None:
+    """Alarm 603 at the follower, which is disabled."""
+    here = machine(ctx)
+    job = bring(ctx, here, "gear-in-pos", phase)
+    ctx.inject("axis.position_control_off", LEADER, duration_s=0.5)
+    ctx.run_for(0.8)
+    ctx.expect(
+        alarm(603, reaction=4, since=applied(), axis=FOLLOWER).covers("SYN-311"),
+        no_alarm(since=applied(), axis=LEADER),
+    )
     ctx.measure(f"ErrorID of {job.name}", job.ErrorID, low=0x8001, high=0x8001)

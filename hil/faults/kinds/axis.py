@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 from fieldbus.errors import HilError, UnsupportedFaultError
@@ -46,6 +47,35 @@ def _raise_alarm(injection: Injection) -> Action:
     return override_action(name, override)
 
 
+def _gives_no_value(injection: Injection) -> Action:
+    """Return the action that makes the leading value of an axis invalid."""
+    axis = find_axis(injection)
+    leading = axis.object if hasattr(axis, "object") else axis
+    if not seams.offers(leading, seams.GivesLeadingValue):
+        injection.refuse(f"{axis.name} leads no axes")
+
+    def operate(_: Sequence[bool]) -> None:
+        leading.leading_defective = True
+
+    def restore() -> None:
+        leading.leading_defective = False
+
+    return override_action(axis.name, injection.override((axis.name, "leading"), True, operate, restore))
+
+
+def _opens_position_control(injection: Injection) -> Action:
+    """Return the action that opens position control of an axis, and closes it again."""
+    axis = find_axis(injection)
+    if not seams.offers(axis, seams.ControlsPosition):
+        injection.refuse(f"{axis.name} has no position control")
+    motion = axis.motion
+    return Action(
+        axis.name,
+        lambda: motion.set_position_control(False),
+        lambda: motion.set_position_control(True),
+    )
+
+
 # -- kinds -----------------------------------------------------------------------------------------------
 
 FAMILY: Final = Family(
@@ -72,6 +102,33 @@ FAMILY: Final = Family(
             text="""
         The controller raises a technology alarm by itself. For tests of reactions without a cause in the
         machine.
+        """,
+        ),
+        FaultType(
+            "axis.no_leading_value",
+            "The axis gives no leading value: it is defective as a leading object",
+            Custom(_gives_no_value),
+            seam="leading value of the axis",
+            target="axis",
+            fuzzed=False,
+            example={"target": "axis1", "duration_s": 0.2},
+            text="""
+        Axes that follow it get alarm 601, and no job that names it starts; the axis itself goes on as it did.
+        On an axis that leads nobody it does nothing.
+        """,
+        ),
+        FaultType(
+            "axis.position_control_off",
+            "The axis leaves position control, and closes it again at the end",
+            Custom(_opens_position_control),
+            seam="position control of the axis",
+            target="axis",
+            fuzzed=False,
+            example={"target": "axis1", "duration_s": 0.2},
+            text="""
+        As by a job with `PositionControlled` FALSE: the setpoint has no positions any more. An axis that
+        synchronises to it, or leaves it, ends with alarm 603; one that is synchronous steps to what its
+        function makes of the leading position 0 (SYN-026).
         """,
         ),
     ),

@@ -26,6 +26,7 @@ class LeadingMotion:
     Args:
         value: Returns the setpoint, the delayed setpoint or the extrapolated actual value of this cycle.
         valid: Returns whether that is a value to follow.
+        positions: Returns whether the object has positions that can be followed; None: it always has.
         additive: What the following axis adds to every leading value; None: nothing.
         tolerance: Way back that counts as none while the axis comes to its function or leaves it, position
             unit of the leading object (SYN-074).
@@ -37,11 +38,14 @@ class LeadingMotion:
         value: Callable[[], Value],
         valid: Callable[[], bool],
         *,
+        positions: Callable[[], bool] | None = None,
         additive: AdditiveValue | None = None,
         tolerance: float = 0.0,
     ) -> None:
         self._value = value
         self._valid = valid
+        self.positions = positions
+        """Returns whether the leading object has positions that can be followed; None: it always has."""
         self._additive = additive or AdditiveValue()
         self._tolerance = tolerance
         self.sense = 0.0

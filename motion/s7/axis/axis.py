@@ -74,10 +74,12 @@ CONNECTIONS: Final = ("direct", "data_block")
 
 ALARM_ADDRESS: Final = 109
 ALARM_ADJUSTED: Final = 110
+ALARM_ACROSS: Final = 114
 ALARM_SPEED_LIMITED: Final = 504
 ALARM_VELOCITY_UNREACHABLE: Final = 551
 _DATA_EXCHANGE: Final = 9
 """Cause of alarm 109: telegram 750 (TA-013)."""
+_SAME_TIME_S: Final = 1e-9
 _ROUNDING: Final = 1.0 + 1e-9
 _PULSE_CYCLES: Final = 2
 """Cycles for which STW1.7 is shown at least."""
@@ -451,6 +453,26 @@ class TechnologyAxis(TechnologyObject):
         if self.history is not None:
             for doubt in doubts(store):
                 self.history.emit(self.name, "axis.doubt", text=str(doubt))
+        self.check_interconnections()
+
+    def check_interconnections(self) -> None:
+        """Compare the axis with what it may follow, once that is known and after every restart.
+
+        Where it gives the value of a proxy to a further controller with another delay than that of the proxy,
+        it is alarm 114 (SYN-304, SYN-393); torque precontrol behind the noise of actual values is a doubt
+        (SYN-069).
+        """
+        for leader in self.leading_objects:
+            delay = leader.local_delay_s
+            if delay is not None and self._gives_leading_value():
+                own = self.variables.read("CrossPlcSynchronousOperation.LocalLeadingValueDelayTime")
+                if abs(delay - own) > _SAME_TIME_S:
+                    text = f"LocalLeadingValueDelayTime is {own:g} s, that of {leader.name} is {delay:g} s"
+                    self.alarms.raise_alarm(ALARM_ACROSS, text=text)
+            noisy = self.coupling_with(leader) == ACTUAL and self.torque.precontrols
+            if noisy and self.history is not None:
+                text = f"TorquePreControl.Mode = 1 behind the actual value of {leader.name} (SYN-069)"
+                self.history.emit(self.name, "axis.doubt", text=text)
 
     def derive(self, *, restart: bool = False, powered_off: bool = False) -> None:
         """Derive ratios, limits and encoders from the variables in effect.
@@ -598,10 +620,9 @@ class TechnologyAxis(TechnologyObject):
             leader.name, ACTUAL if leader.object_type == "ExternalEncoder" else SETPOINT
         )
 
-    @property
     @override
-    def leads_without_position_control(self) -> bool:
-        return self.servo.controlled and not self.servo.position_controlled
+    def leads_positions(self) -> bool:
+        return self.servo.position_controlled or not self.servo.controlled
 
     @property
     @override
@@ -618,6 +639,8 @@ class TechnologyAxis(TechnologyObject):
 
     @override
     def gives_value(self) -> bool:
+        if self.leading_defective:
+            return False
         return self.states.state is not AxisState.RESTARTING and self.servo.sensor_valid
 
     @override

@@ -292,6 +292,8 @@ class ExternalEncoder(TechnologyObject):
 
     @override
     def gives_value(self) -> bool:
+        if self.leading_defective:
+            return False
         return self._state is not AxisState.RESTARTING and self.sensor_valid
 
     # -- cycle

@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 
 ALARM_LEADING_VALUE: Final = 601
 """The leading object is no possible one of the axis, or gives no valid value (SYN-017, SYN-294, SYN-296)."""
+ALARM_NOT_CONTROLLED: Final = 603
+"""The setpoint of the leading axis has no positions: it is not position-controlled (SYN-025, SYN-311)."""
 ALARM_SYNCHRONISING: Final = 608
 """The leading value has turned round before the axis had reached it (SYN-312)."""
 _GEAR_OUT: Final = 4
@@ -415,6 +417,12 @@ class MotionControl:
             self._alarms.raise_alarm(ALARM_LEADING_VALUE)
             gen.advance(cycle_s)
             return
+        if not job.synchronous:
+            positions = coupling.leading.positions
+            if positions is not None and not coupling.by_velocity and not positions():
+                self._alarms.raise_alarm(ALARM_NOT_CONTROLLED)
+                gen.advance(cycle_s)
+                return
         if coupling.reversed:
             self._alarms.raise_alarm(ALARM_SYNCHRONISING)
             gen.advance(cycle_s)

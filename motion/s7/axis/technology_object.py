@@ -236,15 +236,17 @@ class TechnologyObject:
 
     # -- leading values: what an object gives that leads others
 
+    leading_defective = False
+    """It gives no value that could be followed, whatever it has (SYN-358)."""
+
     @property
     def leader(self) -> TechnologyObject | None:
         """The leading object of the synchronous job in control; None without one."""
         return None
 
-    @property
-    def leads_without_position_control(self) -> bool:
-        """Whether the setpoint has no positions that could be followed (alarm 603)."""
-        return False
+    def leads_positions(self) -> bool:
+        """Return whether the setpoint has positions that can be followed (alarm 603)."""
+        return True
 
     @property
     def leading_modulo(self) -> Modulo:
@@ -264,6 +266,13 @@ class TechnologyObject:
         `SETPOINT`, `ACTUAL` and `DELAYED` (SYN-020).
         """
         raise NotImplementedError(f"{self.name} leads no axis by its {coupling} value")
+
+    @property
+    def local_delay_s(self) -> float | None:
+        """Delay that an axis behind it has to have where it gives the value to a further controller, s; None:
+        any (SYN-393).
+        """
+        return None
 
     def gives_value(self) -> bool:
         """Return whether the leading value is valid: a restart and a failed encoder make it invalid."""

@@ -23,7 +23,7 @@ from motion.s7.axis.jobs import (
     JobClass,
     JobState,
 )
-from motion.s7.axis.motion import ALARM_LEADING_VALUE
+from motion.s7.axis.motion import ALARM_LEADING_VALUE, ALARM_NOT_CONTROLLED
 from motion.s7.axis.state import ACCEPTS_MOTION
 from motion.s7.axis.technology_object import ACTUAL, TechnologyObject
 from motion.s7.instructions.base import DEFAULT, ExecuteInstruction
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from motion.s7.axis.axis import TechnologyAxis
     from motion.s7.compatibility import CompatibilityLevel
 
-ALARM_NOT_CONTROLLED: Final = 603
 """The leading axis is not position-controlled (SYN-025)."""
 ALARM_NOT_HOMED: Final = 321
 _PROFILES: Final = {0: Entry.DYNAMIC, 1: Entry.ADVANCE, 3: Entry.SUBSEQUENT, 4: Entry.FROM_HERE}
@@ -62,9 +61,11 @@ def can_lead(leader: object, level: CompatibilityLevel) -> TypeGuard[TechnologyO
 
 def leading_motion(axis: TechnologyAxis, leader: TechnologyObject) -> LeadingMotion:
     """Return the value of `leader` as `axis` takes it."""
+    coupling = axis.coupling_with(leader)
     return LeadingMotion(
-        leader.leading_by(axis.coupling_with(leader)),
+        leader.leading_by(coupling),
         leader.gives_value,
+        positions=None if coupling == ACTUAL else leader.leads_positions,
         additive=axis.motion.additive,
         tolerance=axis.hold_tolerance,
     )
@@ -89,7 +90,7 @@ def unfit_leader(axis: TechnologyAxis, leader: TechnologyObject, *, by_velocity:
 
 def without_position_control(axis: TechnologyAxis, leader: TechnologyObject) -> int:
     """Return 16#8001 with alarm 603 where the setpoint of `leader` is followed and has no positions."""
-    if axis.coupling_with(leader) == ACTUAL or not leader.leads_without_position_control:
+    if axis.coupling_with(leader) == ACTUAL or leader.leads_positions():
         return NO_ERROR
     axis.alarms.raise_alarm(ALARM_NOT_CONTROLLED)
     return ERROR_ALARM

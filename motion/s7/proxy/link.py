@@ -34,7 +34,9 @@ class LeadingValueLink:
         self._axis = axis
         read = axis.variables.bind
         across = "CrossPlcSynchronousOperation."
-        self._enabled = read(f"{across}Interface[{interface}].EnableLeadingValueOutput")
+        self.output = f"{across}Interface[{interface}].EnableLeadingValueOutput"
+        """Variable of the leading axis that lets it send."""
+        self._enabled = read(self.output)
         self._local_delay = read(f"{across}LocalLeadingValueDelayTime")
         self.delay_ns = delay_ns
         """Time that a telegram takes, ns; telegrams under way keep theirs."""
@@ -45,6 +47,11 @@ class LeadingValueLink:
         self.received: bytes | None = None
         """Telegram that has arrived last; None: none yet."""
         self._sign = 0
+
+    @property
+    def enabled(self) -> bool:
+        """Whether the leading axis sends its value."""
+        return bool(self._enabled.value)
 
     def send(self) -> None:
         """Send the value of this cycle; called when the leading axis has been calculated."""

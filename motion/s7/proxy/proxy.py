@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from motion.s7.axis.configuration import Problem
     from motion.s7.proxy.link import LeadingValueLink
 
+ALARM_CONFIGURATION: Final = 114
 ALARM_INVALID: Final = 900
 ALARM_TRANSMISSION: Final = 901
 ALARM_ACCURACY: Final = 902
@@ -58,7 +59,8 @@ class LeadingAxisProxy(TechnologyObject):
     A value arrives two application cycles after it has been calculated, and is then extrapolated or
     interpolated by `StatusExternalLeadingValue.AdjustmentTime`: two cycles, less the delay of the local
     followers of the leading axis, plus `Parameter.LocalLeadingValueDelayTime`. So all followers get the same
-    value at the same time. An outage is bridged with the last velocity for
+    value at the same time. A leading axis whose output is not enabled is alarm 114 (SYN-304). An outage is
+    bridged with the last velocity for
     `Parameter.ToleranceTimeExternalLeadingValueInvalid`; then alarm 900 makes the leading value invalid, and
     followers stop with alarm 601.
 
@@ -120,14 +122,23 @@ class LeadingAxisProxy(TechnologyObject):
         self._leader_controls = False
         self._valid = False
         self._value: Value = (0.0, 0.0, 0.0)
+        if not self.link.enabled:
+            self.engine.raise_alarm(
+                ALARM_CONFIGURATION, text=f"{self.link.output} of the leading axis is FALSE"
+            )
+
+    @property
+    @override
+    def local_delay_s(self) -> float:
+        """`Parameter.LocalLeadingValueDelayTime`, s (SYN-397)."""
+        return float(self._delay.value)
 
     # -- what it gives to followers
 
     @property
     def adjustment_s(self) -> float:
         """`StatusExternalLeadingValue.AdjustmentTime`, s (SYN-392)."""
-        delay: float = self._delay.value
-        return _CYCLES * self.cycle_s - self._leader_delay + delay
+        return _CYCLES * self.cycle_s - self._leader_delay + self.local_delay_s
 
     @override
     def leading_by(self, coupling: str) -> Callable[[], Value]:
@@ -136,7 +147,7 @@ class LeadingAxisProxy(TechnologyObject):
 
     @override
     def gives_value(self) -> bool:
-        return self._valid and self._state is not AxisState.RESTARTING
+        return self._valid and not self.leading_defective and self._state is not AxisState.RESTARTING
 
     @property
     @override

@@ -64,6 +64,9 @@ FILES: dict[str, Callable[[], BenchFile]] = {
     "analog": lambda: _file("analog"),
     "stepper": lambda: _file("stepper"),
     "cam": lambda: _file("reference", "\n[cam.knife]\npoints = [[0.0, 0.0], [90.0, 20.0]]\n"),
+    "proxy": lambda: _file(
+        "reference", '\n[controller.plc2]\n\n[proxy.line]\naxis = "axis1"\nplc = "plc2"\n'
+    ),
 }
 
 
@@ -97,8 +100,11 @@ DEFAULTS = {
     "terminal.": "analog",
     "pto.": "stepper",
     "cam.": "cam",
+    "proxy.": "proxy",
 }
 SITUATIONS = {
+    "axis.no_leading_value": Situation("proxy"),
+    "controller.clock_drift": Situation("proxy", acts_s=0.5),
     "can.transmit_overrun": Situation(meanwhile="crowd"),
     "drive.brake_slip": Situation("hanging", "disabled"),
     "drive.brake_stuck": Situation("hanging", "disabled", "enable"),

@@ -153,6 +153,7 @@ OTHERS = {
     "station": "drive1",
     "controller": "drive1",
     "cam": "drive1",
+    "proxy": "drive1",
 }
 
 

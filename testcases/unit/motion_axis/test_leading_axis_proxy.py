@@ -23,7 +23,7 @@ VALID, MODULO, CONTROL = 1 << 4, 1 << 5, 1 << 6
 MS = 1_000_000
 
 
-def two_controllers(*, leader=None, proxy=None, follower=None, delay_ns=MS, phase_ns=None):
+def two_controllers(*, leader=None, proxy=None, follower=None, delay_ns=MS, phase_ns=None, enable=True):
     """A controller with a leading axis, and another one with a proxy and a following axis."""
     rig = Rig(variables=FIXTURE | {OUTPUT: True} | (leader or {}))
     rig.other = Runtime(rig.scheduler, cycle_ns=rig.cycle_ns, phase_ns=phase_ns, history=rig.history)
@@ -50,7 +50,8 @@ def two_controllers(*, leader=None, proxy=None, follower=None, delay_ns=MS, phas
     rig.proxy, rig.follower = ProxyHandle(rig.other, one), AxisHandle(rig.other, axis)
     rig.other.start()
     rig.enabled()
-    rig.until(rig.follower.power().status)
+    if enable:
+        rig.until(rig.follower.power().status)
     rig.run(0.1)
     return rig
 
@@ -281,6 +282,29 @@ def test_a_cascade(delay):
     assert ahead == pytest.approx(100.0 * delay, abs=1e-9)
     base = rig.follower.var("Position") - rig.proxy.var("Position")
     assert last.var("Position") - base == pytest.approx(rig.axis.var("Position"), abs=1e-9)
+
+
+@pytest.mark.requirement("SYN-304", "SYN-393")
+def test_interconnections_that_do_not_fit():
+    """Alarm 114 with reaction 4, ErrorWord.X1, cleared by a restart alone: at a proxy whose leading axis
+    has no output, at a follower that gives the value on with another delay than that of its proxy.
+    """
+    proxy = two_controllers(leader={OUTPUT: False}).proxy
+    across = f"{ACROSS}LocalLeadingValueDelayTime"
+    rig = two_controllers(proxy={"Parameter.LocalLeadingValueDelayTime": 0.008}, enable=False,
+                          follower={OUTPUT: True, across: 0.004})  # fmt: skip
+    for rig_of, one in ((None, proxy), (rig, rig.follower)):
+        (alarm,) = [entry for entry in one.object.engine.pending if entry.number == 114]
+        assert (alarm.reaction, one.var("ErrorWord.X1")) == (4, True)
+        one.reset()
+        if rig_of is not None:
+            rig_of.run(0.1)
+        assert one.object.engine.is_pending(114)
+    assert not rig.follower.var("StatusWord.X0")
+    rig.follower.object.variables.write_start(across, 0.008)
+    rig.until(rig.follower.reset(restart=True).done)
+    assert rig.follower.object.engine.pending == ()
+    rig.until(rig.follower.power().status)
 
 
 @given(
