@@ -8,11 +8,9 @@ from typing import Final
 
 from hil._commands.run import finish
 from hil._commands.terminal import CaseProgress, console, print_json, quiet_stdout
-from hil.bench.makes import make_of
 from hil.campaign import environment_facts, load_bench_file, write_evidence
 from hil.campaign._execute import Execution
 from hil.campaign._runner import clear_run
-from hil.errors import CannotRunError
 from hil.fuzz import Corpus, FuzzOutcome, FuzzReport, by_family, search
 from reports import replay_command
 from reports.model import RunResult
@@ -47,11 +45,6 @@ def fuzz_bench(
         bench = SEVERAL_AXES
     with quiet_stdout(as_json):
         bench_file = load_bench_file(bench or None)
-        if make_of(bench_file) == "nc":
-            raise CannotRunError(
-                f"--bench {bench}: programs give jobs to technology objects, and the axes of this bench are "
-                f"those of an NC"
-            )
         kept = None if corpus is None else Corpus(corpus)
         with CaseProgress(cases, "fuzz programs") as progress:
 

@@ -32,6 +32,10 @@ _OTHER_RAMP_S: Final = 0.1
 _FEEDBACK: Final = ("encoder.", "frame.", "telegram.", "modbus.truncate", "drive.power_off", "drive.sto")
 """Kinds of faults that displace the actual position."""
 _FEEDBACK_S: Final = 0.1
+_NEW_COORDINATES: Final = frozenset({"axis.homed", "axis.position_set", "link.up", "link.down"})
+"""Events that may displace the coordinates of an axis."""
+_CORRECTED: Final = 1 << 20
+"""`OpModeDWord` of an NC axis: a correction is added to its actual position."""
 _CONTROLLER_S: Final = 1.0
 """A controller that does not run leaves the actual values as they were."""
 _UP_S: Final = 0.2
@@ -281,6 +285,8 @@ def _drifted(trace: Trace, axis: str, drive: str, scale: float) -> tuple[float, 
     linked = np.ones(len(times), dtype=bool)
     if f"{axis}.communication_ok" in trace:
         linked = _held(trace[f"{axis}.communication_ok"], times) != 0
+    if f"{axis}.op_mode_dword" in trace:
+        linked &= (trace[f"{axis}.op_mode_dword"].values.astype(np.int64) & _CORRECTED) == 0
     disturbed = _inside(times, _fault_spans(trace, _FEEDBACK, _FEEDBACK_S))
     disturbed |= _inside(times, _fault_spans(trace, ("controller.",), _CONTROLLER_S))
     disturbed |= _inside(times, _out_of_step(trace, drive))
@@ -288,7 +294,7 @@ def _drifted(trace: Trace, axis: str, drive: str, scale: float) -> tuple[float, 
         entry.time_ns * 1e-9
         for entry in (
             *_fault_events(trace, (*_FEEDBACK, "controller.")),
-            *(entry for entry in trace.events if entry.kind in {"axis.homed", "link.up", "link.down"}),
+            *(entry for entry in trace.events if entry.kind in _NEW_COORDINATES),
         )
     )
     margin = speed * 4 * trace.constants.get(f"{axis}.cycle_s", 0.004) + 0.05

@@ -13,6 +13,7 @@ from hypothesis.strategies import SearchStrategy
 from hil.bench.axis_config import OBJECTS
 from hil.bench.drive_config import ProfidriveCanTable
 from hil.fuzz._configuration import UNITS, Configuration
+from hil.fuzz._nc_configurations import nc_configurations
 from motion.s7.variables import elements, variables_of
 from reports.json_types import Json
 
@@ -232,16 +233,8 @@ def _profidrive(tables: _Tables, drive: DriveTable, *, on_can: bool) -> dict[str
     return parts
 
 
-def configurations(config: BenchConfig) -> SearchStrategy[Configuration]:
-    """Return a strategy of configurations for the first axis of a bench and its drive.
-
-    Parts are drawn independently of each other; some do not go together, and then the bench file is refused
-    when it is built.
-
-    Args:
-        config: The content of the bench file (`BenchFile.config`).
-
-    """
+def _parts(config: BenchConfig) -> dict[str, Part]:
+    """Return the parts of a configuration for a technology object and its drive, by name."""
     tables = _Tables(config)
     drive = config.drive[tables.drive]
     axis = config.s7_axes[tables.axis]
@@ -256,6 +249,20 @@ def configurations(config: BenchConfig) -> SearchStrategy[Configuration]:
         parts.update(_cia402(tables))
     elif drive.profile == "profidrive":
         parts.update(_profidrive(tables, drive, on_can=drive.bus == "can"))
+    return parts
+
+
+def configurations(config: BenchConfig) -> SearchStrategy[Configuration]:
+    """Return a strategy of configurations for the first axis of a bench and its drive.
+
+    Parts are drawn independently of each other; some do not go together, and then the bench file is refused
+    when it is built.
+
+    Args:
+        config: The content of the bench file (`BenchFile.config`).
+
+    """
+    parts = nc_configurations(config) if config.nc_axes else _parts(config)
     order = list(parts)
 
     def of(chosen: list[str]) -> SearchStrategy[Configuration]:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from hil.fuzz._configuration import MACHINE, Configuration
 from hil.fuzz._program import Participant, Program, job_names, participants
-from hil.fuzz._strategies import PREAMBLE, fault_kinds, identifiers_of, preamble_of, programs
+from hil.fuzz._strategies import fault_kinds, identifiers_of, programs
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
@@ -56,7 +56,6 @@ class Machine:
             jobs=self.jobs,
             axes=self.axes,
             longest=longest,
-            preamble=preamble_of(self.axes) if self.axes else PREAMBLE,
             configurations=configurations,
         )
 

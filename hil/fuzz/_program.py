@@ -13,6 +13,8 @@ from hil.bench.units import MILLIMETRES, UnitScale
 from hil.errors import CannotRunError
 from hil.faults import Fault, Parameter
 from hil.fuzz._configuration import Configuration
+from hil.fuzz._nc_jobs import COUPLED, NC_JOBS
+from motion.nc.handles import NcAxisHandle
 from reports.json_types import JsonObject
 
 if TYPE_CHECKING:
@@ -43,7 +45,8 @@ def _profile(known: tuple[int, ...]) -> Parameter:
     )
 
 
-JOBS: Final[dict[str, tuple[Parameter, ...]]] = {
+REMOVE_FAULTS: Final = "remove_faults"
+_S7_JOBS: Final[dict[str, tuple[Parameter, ...]]] = {
     "power_on": (),
     "power_off": (Parameter("stop_mode", "int", "StopMode", minimum=0, maximum=3, default=0),),
     "reset": (),
@@ -89,7 +92,7 @@ JOBS: Final[dict[str, tuple[Parameter, ...]]] = {
     "halt": (),
     "stop": (Parameter("mode", "int", "Mode", minimum=0, maximum=3, default=0),),
     "stop_release": (),
-    "remove_faults": (),
+    REMOVE_FAULTS: (),
     "gear_in": (*_LEADER, *_RATIO),
     "gear_in_velocity": (*_LEADER, *_RATIO),
     "gear_in_pos": (
@@ -122,9 +125,10 @@ JOBS: Final[dict[str, tuple[Parameter, ...]]] = {
     ),
     "additive_release": (),
 }
-"""Instructions of a program, with their parameters."""
-SYNCHRONOUS: Final = tuple(JOBS)[tuple(JOBS).index("gear_in") :]
-"""Those of an axis that follows others."""
+JOBS: Final[dict[str, tuple[Parameter, ...]]] = {**_S7_JOBS, **NC_JOBS}
+"""Instructions of a program, with their parameters: for technology objects, then for NC axes."""
+SYNCHRONOUS: Final = tuple(_S7_JOBS)[tuple(_S7_JOBS).index("gear_in") :]
+"""Those of a technology object that follows others."""
 
 _NEEDS: Final = {
     "move_superimposed": "move_superimposed",
@@ -145,8 +149,12 @@ def job_names(axis: object) -> tuple[str, ...]:
         axis: Handle of the axis, `bench.axis()`.
 
     """
+    if isinstance(axis, NcAxisHandle):
+        return (*(job for job in NC_JOBS if job not in COUPLED), REMOVE_FAULTS)
     return tuple(
-        job for job in JOBS if job not in SYNCHRONOUS and (job not in _NEEDS or hasattr(axis, _NEEDS[job]))
+        job
+        for job in _S7_JOBS
+        if job not in SYNCHRONOUS and (job not in _NEEDS or hasattr(axis, _NEEDS[job]))
     )
 
 
@@ -171,13 +179,16 @@ def participants(bench: Bench, count: int) -> tuple[Participant, ...]:
         CannotRunError: The bench has fewer.
 
     """
-    names = bench.axis_names
+    names = (*bench.axis_names, *bench.nc_axis_names)
     if not 1 <= count <= len(names):
         raise CannotRunError(f"{count} axes are not possible: the bench has {len(names)}: {', '.join(names)}")
     found = []
     for name in names[:count]:
-        axis = bench.axis(name)
-        leaders = tuple(one.name for one in getattr(axis.object, "leading_objects", ()))
+        axis: object = bench.axis(name)
+        if isinstance(axis, NcAxisHandle):
+            leaders = tuple(other for other in names[:count] if other != name)
+        else:
+            leaders = tuple(one.name for one in getattr(bench.axis(name).object, "leading_objects", ()))
         found.append(
             Participant(
                 name,

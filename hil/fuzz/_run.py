@@ -8,22 +8,20 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.errors import ConfigurationError
-from hil.bench.units import UnitScale
 from hil.campaign import CaseContext, Token
 from hil.campaign._execute import collect_evidence
 from hil.errors import BlockedError, CaseTimeoutError, ExpectationFailedError, UnsupportedFaultError
 from hil.expect import ALWAYS_ON, SEARCH_RULES, run_checkers, undecided_until
 from hil.faults import Fault
-from hil.fuzz._invariants import Invariant, OneJobOutput, Violation, default_invariants
-from hil.fuzz._program import Break, Do, Program, Step, Wait
+from hil.fuzz._hands import Hands, hands_of
+from hil.fuzz._invariants import Invariant, NamedJob, OneJobOutput, Violation, default_invariants
+from hil.fuzz._program import REMOVE_FAULTS, Break, Program, Step, Wait
 from hil.record import Trace
 from reports.model import CaseResult, Check, Verdict
 
 if TYPE_CHECKING:
     from hil.bench.bench import Bench
     from hil.protocols import BenchFile
-    from motion.s7.handles import AxisHandle
-    from motion.s7.instructions.base import Instruction
 
 InvariantFactory = Callable[["Bench"], list[Invariant]]
 STEP_S: Final = 0.012
@@ -31,10 +29,6 @@ STEP_S: Final = 0.012
 SETTLE_S: Final = 1.0
 """Bench time after the last step."""
 _RULES: Final = (*ALWAYS_ON, *SEARCH_RULES)
-
-
-_HOW: Final = {"jerk": "Jerk", "buffer": "BufferMode"}
-"""Parameters that go to inputs only where a program names them: the others keep their defaults."""
 
 
 class _BrokenError(Exception):
@@ -63,140 +57,6 @@ class FuzzOutcome:
         """Return the outcome as a case under a name."""
         self.result.identifier = identifier or self.program.name
         return self.result
-
-
-class _Hands:
-    """Gives the instructions of a program to one axis; keeps the instances that are released later.
-
-    Args:
-        bench: Of the axis, for what it follows.
-        axis: The axis.
-        watch: Looks at the outputs of the instances; None: nobody does.
-
-    """
-
-    _RELEASES: Final = {
-        "jog_release": ("jog", {"JogForward": False, "JogBackward": False}),
-        "stop_release": ("stop", {"Execute": False}),
-        "motion_in_release": ("motion_in_velocity", {"Enable": False}),
-        "torque_release": ("torque_limiting", {"Enable": False}),
-        "additive_release": ("leading_value_additive", {"Enable": False}),
-    }
-
-    def __init__(self, bench: Bench, axis: AxisHandle, watch: OneJobOutput | None) -> None:
-        self._bench = bench
-        self._axis = axis
-        self._watch = watch
-        self._held: dict[str, Instruction] = {}
-        self._scale = UnitScale.of_axis(axis)
-
-    def do(self, step: Do) -> None:
-        axis, scale = self._axis, self._scale
-
-        def value(name: str) -> float:
-            return step.value(name, scale)
-
-        def whole(name: str) -> int:
-            return int(step.value(name, scale))
-
-        how = {key: value(name) for name, key in _HOW.items() if name in step.parameters}
-        if step.job in self._RELEASES:
-            of, inputs = self._RELEASES[step.job]
-            held = self._held.pop(of, None)
-            if held is not None:
-                held.set(**inputs)
-            return
-        match step.job:
-            case "power_on":
-                axis.power(True)
-                return
-            case "power_off":
-                axis.power(False, stop_mode=whole("stop_mode"))
-                return
-            case "override":
-                axis.write("Override.Velocity", value("factor"))
-                return
-            case "reset":
-                job: Instruction = axis.reset()
-            case "home":
-                job = axis.home(value("position"), mode=whole("mode"))
-            case "move_absolute":
-                job = axis.move_absolute(value("position"), Velocity=value("velocity"), **how)
-            case "move_relative":
-                job = axis.move_relative(value("distance"), Velocity=value("velocity"), **how)
-            case "move_velocity":
-                job = axis.move_velocity(value("velocity"), **how)
-            case "move_superimposed":
-                job = axis.move_superimposed(value("distance"), VelocityDiff=value("velocity"))
-            case "halt_superimposed":
-                job = axis.halt_superimposed()
-            case "motion_in_velocity":
-                job = axis.motion_in_velocity(value("velocity"))
-            case "torque_limiting":
-                job = axis.torque_limiting(value("limit"))
-            case "jog":
-                job = axis.jog(value("velocity"), backward=bool(value("backward")))
-            case "halt":
-                job = axis.halt()
-            case "stop":
-                job = axis.stop(whole("mode"))
-            case _:
-                job = self._synchronous(step)
-        self._held[step.job] = job
-        if self._watch is not None:
-            self._watch.jobs.append(job)
-
-    def _synchronous(self, step: Do) -> Instruction:
-        axis, bench, scale = self._axis, self._bench, self._scale
-
-        def value(name: str) -> float:
-            return step.value(name, scale)
-
-        def whole(name: str) -> int:
-            return int(step.value(name, scale))
-
-        def leader() -> Any:
-            name = step.text("leader")
-            return bench.axis(name) if name in bench.axis_names else bench.external_encoder(name)
-
-        match step.job:
-            case "gear_in":
-                return axis.gear_in(leader(), whole("numerator"), whole("denominator"))
-            case "gear_in_velocity":
-                return axis.gear_in_velocity(leader(), whole("numerator"), whole("denominator"))
-            case "gear_in_pos":
-                return axis.gear_in_pos(
-                    leader(),
-                    value("master"),
-                    value("slave"),
-                    whole("numerator"),
-                    whole("denominator"),
-                    SyncProfileReference=whole("profile"),
-                    MasterStartDistance=value("distance"),
-                )
-            case "cam_in":
-                return axis.cam_in(
-                    leader(),
-                    bench.cam(step.text("cam")),
-                    ApplicationMode=whole("mode"),
-                    SyncProfileReference=whole("profile"),
-                    MasterStartDistance=value("distance"),
-                )
-            case "gear_out" | "cam_out":
-                leave = axis.gear_out if step.job == "gear_out" else axis.cam_out
-                return leave(
-                    value("position"),
-                    SyncProfileReference=whole("profile"),
-                    MasterStopDistance=value("distance"),
-                )
-            case "interpolate":
-                return bench.cam(step.text("cam")).interpolate()
-            case "phasing":
-                return axis.phasing_relative(value("shift"))
-            case "offset":
-                return axis.offset_relative(value("offset"), value("distance"))
-            case _:
-                return axis.leading_value_additive(value("position"))
 
 
 def run_program(
@@ -276,11 +136,11 @@ def _run_in(
     """Run a program on the bench of a context; returns the first broken invariant and the steps left out."""
     skipped: list[str] = []
     _install(context.bench, watched)
-    watch = next((one for one in watched if isinstance(one, OneJobOutput)), None)
-    hands: dict[str, _Hands] = {}
+    jobs: list[NamedJob] = next((one.jobs for one in watched if isinstance(one, OneJobOutput)), [])
+    hands: dict[str, Hands] = {}
     try:
         for step in program.steps:
-            _perform(step, context, hands, watch, skipped)
+            _perform(step, context, hands, jobs.append, skipped)
         context.run_for(SETTLE_S)
         horizon_s = undecided_until(context.trace())
         if horizon_s > context.now_s:
@@ -321,8 +181,8 @@ def _of_first_axis(fault: Fault, bench: Any) -> Fault:
 def _perform(
     step: Step,
     context: CaseContext,
-    hands: dict[str, _Hands],
-    watch: OneJobOutput | None,
+    hands: dict[str, Hands],
+    watch: Callable[[NamedJob], object],
     skipped: list[str],
 ) -> None:
     if isinstance(step, Wait):
@@ -335,13 +195,12 @@ def _perform(
             _skip(step, error, context, skipped)
         return
     context.do(str(step))
-    if step.job == "remove_faults":
+    if step.job == REMOVE_FAULTS:
         context.faults.remove_all()
     else:
         try:
             if step.axis not in hands:
-                bench = context.bench
-                hands[step.axis] = _Hands(bench, bench.axis(step.axis or None), watch)
+                hands[step.axis] = hands_of(context.bench, step.axis, watch)
             hands[step.axis].do(step)
         except ConfigurationError as error:
             _skip(step, error, context, skipped)

@@ -28,7 +28,6 @@ from hil.fuzz._program import Participant, Program, job_names, participants
 from hil.fuzz._run import FuzzOutcome, InvariantFactory, program_token, run_program
 from hil.fuzz._situations import Situation, configured, situations_of
 from hil.fuzz._strategies import (
-    PREAMBLE,
     UNCHANGED,
     descendants,
     fault_kinds,
@@ -342,7 +341,7 @@ def _do(
         strategy = st.one_of(_whole(strategy), _whole(on_machines(order.machines, order.longest)))
     if order.parents:
         step = steps(order.kinds, order.identifiers, order.jobs, order.axes)
-        longest = order.longest + len(preamble_of(order.axes) if order.axes else PREAMBLE)
+        longest = order.longest + len(preamble_of(order.axes, order.jobs))
         others = changes if order.configurations else None
         strategy = st.one_of(
             strategy, descendants(order.parents, step, longest=longest, configurations=others)

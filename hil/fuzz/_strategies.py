@@ -15,7 +15,19 @@ from hil.faults import CATALOGUE, Fault
 from hil.faults._kind import environment
 from hil.faults.seams import missing
 from hil.fuzz._configuration import Configuration
-from hil.fuzz._program import JOBS, SYNCHRONOUS, Break, Do, Participant, Program, Step, Wait
+from hil.fuzz._nc_jobs import NC_JOBS, WRITE
+from hil.fuzz._nc_strategies import block_inputs, parameter_values
+from hil.fuzz._program import (
+    JOBS,
+    REMOVE_FAULTS,
+    SYNCHRONOUS,
+    Break,
+    Do,
+    Participant,
+    Program,
+    Step,
+    Wait,
+)
 from hil.fuzz._telegram_strategies import TELEGRAM_KINDS, telegram_fault
 
 if TYPE_CHECKING:
@@ -30,8 +42,10 @@ _FOREIGN_CONTROL: Final = ("rpdo", "sdo_rx", "nmt", "controller")
 UNCHANGED: Final = st.just(Configuration())
 """The bench as its file describes it."""
 PREAMBLE: Final[tuple[Step, ...]] = (Do("power_on"), Wait(0.3))
-OWN_JOBS: Final = tuple(job for job in JOBS if job not in SYNCHRONOUS)
-"""Instructions of an axis by itself."""
+"""What programs for one technology object begin with."""
+_NC_POWER: Final = Do("MC_Power", dict.fromkeys(("Enable", "Enable_Positive", "Enable_Negative"), True))
+OWN_JOBS: Final = tuple(job for job in JOBS if job not in SYNCHRONOUS and job not in NC_JOBS)
+"""Instructions of a technology object by itself."""
 OF_DRIVE: Final = frozenset({"drive", "switch", "mechanics", "encoder"})
 """Targets of faults that belong to a drive."""
 
@@ -49,7 +63,16 @@ def _job(name: str, **parameters: SearchStrategy[Scalar]) -> SearchStrategy[Step
     return st.builds(build, **parameters)
 
 
+def _nc_jobs(masters: Sequence[str] = ()) -> SearchStrategy[Step]:
+    """Return instructions of an NC axis; with `masters` those of a coupled one besides."""
+    blocks = [_job(name, **inputs) for name, inputs in block_inputs(masters).items()]
+    write = parameter_values().map(lambda values: Do(WRITE, values))
+    return st.one_of([*blocks, _job(REMOVE_FAULTS), _whole(write), _whole(write)])
+
+
 def _jobs(names: Sequence[str]) -> SearchStrategy[Step]:
+    if WRITE in names:
+        return _nc_jobs()
     velocity = _grid(1, 40, 10.0)
     signed = _grid(-40, 40, 10.0)
     distance = _grid(-20, 20, 10.0)
@@ -121,6 +144,9 @@ def _of_axis(one: Participant) -> SearchStrategy[Step]:
     """Return instructions of one of several axes; of one that may follow others half of them belong to
     that.
     """
+    if WRITE in one.jobs:
+        jobs = _whole(_nc_jobs(one.leaders))
+        return jobs.map(lambda step: replace(step, axis=one.axis) if isinstance(step, Do) else step)
     own = _whole(_jobs(one.jobs))
     jobs = st.one_of(own, _whole(_synchronous(one.leaders, one.cams))) if one.leaders else own
     return _whole(jobs).map(lambda step: replace(step, axis=one.axis) if isinstance(step, Do) else step)
@@ -134,10 +160,23 @@ def _aimed(step: Step, one: Participant) -> Step:
     return Break(replace(step.fault, target=target)) if target else step
 
 
-def preamble_of(axes: Sequence[Participant]) -> tuple[Step, ...]:
-    """Return the steps that programs for several axes begin with: all are enabled and homed, cams
-    interpolated.
+def preamble_of(axes: Sequence[Participant], jobs: Sequence[str]) -> tuple[Step, ...]:
+    """Return the steps that programs begin with: all axes are enabled; several technology objects are homed
+    besides, and cams interpolated.
+
+    Args:
+        axes: Axes that get instructions; none: the first one.
+        jobs: Instructions of the first one, as of `job_names`.
+
     """
+    if _NC_POWER.job in jobs:
+        return (
+            *(replace(_NC_POWER, axis=one.axis) for one in axes),
+            *(() if axes else (_NC_POWER,)),
+            Wait(0.3),
+        )
+    if not axes:
+        return PREAMBLE
     cams = dict.fromkeys(cam for one in axes for cam in one.cams)
     powers = [Do("power_on", axis=one.axis) for one in axes]
     homes = [Do("home", axis=one.axis) for one in axes if "home" in one.jobs]
@@ -325,13 +364,13 @@ def programs(
         jobs: Instructions, as of `job_names`.
         axes: As of `steps`.
         longest: Greatest number of steps after the preamble.
-        preamble: Steps that every program begins with; None: those that enable the axes.
+        preamble: Steps that every program begins with; None: as of `preamble_of`.
         configurations: What is laid over the bench file, as of `configurations`; none by default.
 
     """
     step = steps(kinds, ids, jobs, axes)
     if preamble is None:
-        preamble = preamble_of(axes) if axes else PREAMBLE
+        preamble = preamble_of(axes, jobs)
     # Three lists in a row: one long list would nearly always be drawn short.
     thirds = [st.lists(step, max_size=(longest + part) // 3) for part in range(3)]
     return st.tuples(configurations, *thirds).map(

@@ -27,6 +27,7 @@ EVENT_KINDS: Final = MappingProxyType(
         "axis.fast_stop": "an NC axis is stopped by its fast axis stop",
         "axis.feed_missing": "an NC axis has no feed enable in the direction in which it is to move",
         "axis.homed": "the axis is homed, or no longer",
+        "axis.position_set": "the coordinate system of an NC axis moves: a position is set, or it is homed",
         "axis.reset": "the error of an NC axis is reset",
         "axis.follows": "a synchronous job takes over: leading object, gear or cam",
         "axis.sensor": "another encoder controls the position",

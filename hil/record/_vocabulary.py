@@ -71,6 +71,7 @@ EVENT_DETAILS: Final[Mapping[str, tuple[str, ...]]] = {
         "master_scaling",
         "slave_scaling",
     ),
+    "axis.position_set": ("offset",),
     "axis.reset": ("error_id",),
     "axis.state": ("from", "to"),
     "cam.interpolated": ("start", "end", "function"),

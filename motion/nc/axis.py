@@ -487,6 +487,7 @@ class NcAxis:
 
     def shift(self, offset: float) -> None:
         """Move the coordinate system; neither the axis nor what is coupled to it moves."""
+        self._emit("axis.position_set", offset=offset)
         self.encoder.shift(offset)
         self.motion.shift(offset)
         self.velocity_controller.observer.position += offset
@@ -512,6 +513,7 @@ class NcAxis:
             acceleration=self._maximum_acceleration.value,
             deceleration=self._maximum_deceleration.value,
             jump_factor=cell("axis.velo_jump_factor").value,
+            tolerance_ball=cell("axis.tolerance_ball_aux").value,
         )
 
     def enter_group(self, group: AxisGroup) -> int:

@@ -124,9 +124,14 @@ class Block:
     def _call(self) -> None:
         raise NotImplementedError
 
+    @property
+    def name(self) -> str:
+        """Block and axis, for messages."""
+        return f"{self.block} of {self.Axis.axis.name}"
+
     def __repr__(self) -> str:
         state = error_text(self.ErrorID) if self.Error else "busy" if self.Busy else "idle"
-        return f"<{self.block} of {self.Axis.axis.name}: {state}>"
+        return f"<{self.name}: {state}>"
 
     # -- outputs as predicates, for `run_until`
 

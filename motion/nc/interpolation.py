@@ -12,10 +12,12 @@ from fieldbus.errors import ConfigurationError, UnknownNameError
 from motion.nc.errors import BLOCK_PARAMETER, CONSEQUENTIAL
 from motion.nc.path import (
     Arc,
+    AuxiliaryTrack,
     AxisLimits,
     Element,
     Joint,
     Line,
+    Vector,
     corner_angle,
     link_velocity,
     rapid_velocity,
@@ -80,6 +82,8 @@ class _Piece:
 
     element: Element
     feed: float
+    auxiliary: tuple[Vector, ...]
+    """Positions of the auxiliary axes at its beginning and its end; of a joint at the knot as well."""
     stops: bool = False
     """It ends with an exact stop (G60)."""
     joint: bool = False
@@ -100,6 +104,8 @@ class InterpolationGroup:
         acceleration: Path acceleration, position unit/s2.
         deceleration: Path deceleration, position unit/s2.
         jerk: Path jerk, position unit/s3.
+        auxiliary: Axes that move along with the path and are no part of its geometry: they arrive with the
+            others, and the feed is not theirs.
         least_velocity: Velocity at corners that is not gone below, position unit/s.
         c2: System parameter C2: share of the transition velocity in a tolerance ball; it may change while the
             group moves.
@@ -117,6 +123,7 @@ class InterpolationGroup:
         acceleration: float,
         deceleration: float,
         jerk: float,
+        auxiliary: Sequence[GroupAxis] = (),
         least_velocity: float = 0.0,
         c2: float = 1.0,
     ) -> None:
@@ -126,6 +133,8 @@ class InterpolationGroup:
             if not value > 0.0:
                 raise ConfigurationError(f"interpolation group, {name}", value, "above 0")
         self.axes = list(axes)
+        self.auxiliary = list(auxiliary)
+        self._tracks: list[AuxiliaryTrack] = []
         self._cycle_s = cycle_s
         self._acceleration, self._deceleration, self._jerk = acceleration, deceleration, jerk
         self._least = least_velocity
@@ -155,6 +164,13 @@ class InterpolationGroup:
         last = self._pieces[-1].element
         return last.at(last.length)[0]
 
+    @property
+    def auxiliary_place(self) -> Vector:
+        """Where the auxiliary axes are at the end of the path so far."""
+        if not self._pieces:
+            return tuple(axis.place for axis in self.auxiliary)
+        return self._pieces[-1].auxiliary[-1]
+
     def exact_stop(self) -> None:
         """Stop at the end of every move from the next one on (G60); G0 ends it (NC-180)."""
         self._exact_stop = True
@@ -175,40 +191,60 @@ class InterpolationGroup:
         """Move on a straight line as fast as the axes can (NC-178)."""
         self._exact_stop = False
         start = self.place
-        line = Line(start, self._target(start, targets))
-        limits = [axis.path_limits for axis in self.axes]
+        target, auxiliary = self._targets(targets)
+        line = Line(start, target)
         way = tuple(b - a for a, b in zip(start, line.end, strict=True))
         self._rapid = True
-        self._add(line, rapid_velocity(way, limits))
+        feed = rapid_velocity(way, [axis.path_limits for axis in self.axes])
+        for axis, before, after in zip(self.auxiliary, self.auxiliary_place, auxiliary, strict=True):
+            if before != after:
+                feed = min(feed, axis.path_limits.g0 * line.length / abs(after - before))
+        self._add(line, feed, auxiliary)
 
     def g1(self, feed: float, **targets: float) -> None:
         """Move on a straight line with a feed, position unit/s."""
         start = self.place
         self._rapid = False
-        self._add(Line(start, self._target(start, targets)), feed)
+        target, auxiliary = self._targets(targets)
+        self._add(Line(start, target), feed, auxiliary)
 
     def arc(self, feed: float, center: tuple[float, float], *, clockwise: bool, **targets: float) -> None:
         """Move on an arc in the first two axes (G2, G3) with a feed, position unit/s."""
         start = self.place
         self._rapid = False
-        self._add(Arc(start, self._target(start, targets), center, clockwise=clockwise), feed)
+        target, auxiliary = self._targets(targets)
+        self._add(Arc(start, target, center, clockwise=clockwise), feed, auxiliary)
 
     @property
     def rapid(self) -> bool:
         """G0 is active: moves without another command are rapid ones."""
         return self._rapid
 
-    def _target(self, start: tuple[float, ...], targets: Mapping[str, float]) -> tuple[float, ...]:
-        names = [axis.name for axis in self.axes]
+    def _targets(self, targets: Mapping[str, float]) -> tuple[Vector, Vector]:
+        """Return where a move ends: the axes of the path, and the auxiliary ones."""
+        known = [axis.name for axis in self._all]
         for name in targets:
-            if name not in names:
-                raise UnknownNameError("interpolation group", name, "an axis of it", names)
-        return tuple(targets.get(name, place) for name, place in zip(names, start, strict=True))
+            if name not in known:
+                raise UnknownNameError("interpolation group", name, "an axis of it", known)
+        ends = tuple(
+            targets.get(name, place)
+            for name, place in zip(known, (*self.place, *self.auxiliary_place), strict=True)
+        )
+        return ends[: len(self.axes)], ends[len(self.axes) :]
 
-    def _add(self, element: Element, feed: float) -> None:
+    @property
+    def _all(self) -> list[GroupAxis]:
+        return [*self.axes, *self.auxiliary]
+
+    def _add(self, element: Element, feed: float, auxiliary: Vector) -> None:
         if not feed > 0.0:
             raise ConfigurationError("interpolation group, feed", feed, "above 0")
+        begins = self.auxiliary_place
         if element.length <= _STANDS:
+            if auxiliary != begins:
+                raise ConfigurationError(
+                    "interpolation group", "a move of auxiliary axes alone", "a move of the path as well"
+                )
             return
         before = self._pieces[-1] if self._pieces else None
         if (
@@ -219,10 +255,13 @@ class InterpolationGroup:
             and isinstance(element, Line)
             and corner_angle(before.element, element) > _STRAIGHT
         ):
-            element = self._join(before, element, feed)
-        self._pieces.append(_Piece(element, feed, stops=self._exact_stop))
+            length = element.length
+            element = self._join(before, element, feed, auxiliary)
+            left = element.length / length
+            begins = tuple(b + (a - b) * left for a, b in zip(begins, auxiliary, strict=True))
+        self._pieces.append(_Piece(element, feed, (begins, auxiliary), stops=self._exact_stop))
 
-    def _join(self, before: _Piece, line: Line, feed: float) -> Line:
+    def _join(self, before: _Piece, line: Line, feed: float, auxiliary: Vector) -> Line:
         """Put a joint through the tolerance ball in front of a line; returns what is left of the line."""
         first = before.element
         assert isinstance(first, Line)  # see _add
@@ -230,12 +269,17 @@ class InterpolationGroup:
         radius = min(self._ball, first.length / 2.0, line.length / 2.0)
         place, tangent, _ = first.at(first.length - radius)
         end, last, _ = line.at(radius)
-        before.element = Line(first.start, place)
+        start, knot = before.auxiliary
+        share = radius / first.length
+        entry = tuple(b + (a - b) * share for a, b in zip(start, knot, strict=True))
+        share = radius / line.length
+        leave = tuple(a + (b - a) * share for a, b in zip(knot, auxiliary, strict=True))
+        before.element, before.auxiliary = Line(first.start, place), (start, entry)
         joint = Joint(place, tangent, end, last)
         velocity = min(before.feed, feed)
         if joint.most_curved > 0.0:
             velocity = min(velocity, sqrt(self._acceleration / joint.most_curved))
-        self._pieces.append(_Piece(joint, velocity, joint=True))
+        self._pieces.append(_Piece(joint, velocity, (entry, knot, leave), joint=True))
         return Line(end, line.end)
 
     # -- planning
@@ -290,6 +334,7 @@ class InterpolationGroup:
                     cycle_s=self._cycle_s,
                     least=self._least,
                 )
+        self._plan_auxiliary()
         pieces[-1].link = 0.0
         for number in range(len(pieces) - 1, 0, -1):
             piece = pieces[number]
@@ -321,6 +366,28 @@ class InterpolationGroup:
             entry = end
             if number + 1 < len(pieces) and pieces[number + 1].joint:
                 pieces[number + 1].feed = end
+
+    def _plan_auxiliary(self) -> None:
+        """Lay the tracks of the auxiliary axes, and lower the velocity where one of them has a corner."""
+        self._tracks = []
+        for number, axis in enumerate(self.auxiliary):
+            limits = axis.path_limits
+            base, knots = 0.0, [(0.0, self._pieces[0].auxiliary[0][number])]
+            for piece in self._pieces:
+                parts = len(piece.auxiliary) - 1
+                for part in range(1, parts + 1):
+                    place = base + piece.element.length * part / parts
+                    knots.append((place, piece.auxiliary[part][number]))
+                base += piece.element.length
+            track = AuxiliaryTrack(knots, limits.tolerance_ball)
+            self._tracks.append(track)
+            base = 0.0
+            for piece in self._pieces:
+                step = track.step_at(base + 0.5 * piece.element.length) if piece.joint else 0.0
+                base += piece.element.length
+                step = max(abs(step), abs(track.step_at(base)))
+                if step:
+                    piece.link = min(piece.link, limits.velocity_jump(self._cycle_s) / step)
 
     def _velocity(self, piece: _Piece) -> float:
         """Return what the override leaves of the velocity of a piece (NC-170 to NC-172)."""
@@ -354,11 +421,12 @@ class InterpolationGroup:
         if not self._pieces:
             raise ConfigurationError("interpolation group", "no move", "moves, added before the start")
         places = self._pieces[0].element.at(0.0)[0]
-        if any(abs(axis.place - place) > _NEAR for axis, place in zip(self.axes, places, strict=True)):
+        places = (*places, *self._pieces[0].auxiliary[0])
+        if any(abs(axis.place - place) > _NEAR for axis, place in zip(self._all, places, strict=True)):
             return BLOCK_PARAMETER
         self._plan()
         taken: list[GroupAxis] = []
-        for axis in self.axes:
+        for axis in self._all:
             refused = axis.enter_group(self)
             if refused:
                 for one in taken:
@@ -382,7 +450,7 @@ class InterpolationGroup:
         if self.running:
             self.running = False
             self._pieces.clear()
-            for axis in self.axes:
+            for axis in self._all:
                 axis.leave_group()
 
     def fail(self, name: str) -> None:
@@ -390,7 +458,7 @@ class InterpolationGroup:
         if not self.running:
             return
         self.abort()
-        for axis in self.axes:
+        for axis in self._all:
             if axis.name != name:
                 axis.raise_error(CONSEQUENTIAL)
 
@@ -408,6 +476,9 @@ class InterpolationGroup:
         position, tangent, curvature = piece.element.at(along)
         v, a = path.v, path.a
         for axis, s, t, k in zip(self.axes, position, tangent, curvature, strict=True):
+            axis.follow_path(s, t * v, t * a + k * v * v)
+        for axis, track in zip(self.auxiliary, self._tracks, strict=True):
+            s, t, k = track.at(self._base + along)
             axis.follow_path(s, t * v, t * a + k * v * v)
         done = self._number == len(self._pieces) - 1 and piece.element.length - along <= _STANDS
         if (self._stopping or done) and path.done and abs(path.v) <= _STANDS:

@@ -143,6 +143,67 @@ class Joint:
         return max(_length(self.at(self.length * n / _SAMPLES)[2]) for n in range(_SAMPLES + 1))
 
 
+class AuxiliaryTrack:
+    """What an auxiliary axis does along a path: straight between knots, smooth within its tolerance ball
+    around them (NC-176).
+
+    Within a ball the slope changes like 3 u^2 - 2 u^3, so that velocity and acceleration are continuous.
+
+    Args:
+        knots: Arc length of the path and position of the axis, the first rising.
+        radius: Radius of the balls, position unit; 0.0: the slope changes in a step.
+
+    """
+
+    def __init__(self, knots: Sequence[tuple[float, float]], radius: float) -> None:
+        self._knots = knots
+        self._places = [place for place, _ in knots]
+        self._slopes = [(b - a) / (t - s) for (s, a), (t, b) in pairwise(knots)]
+        self._widths = [0.0] * len(knots)
+        for number in range(1, len(knots) - 1):
+            before, after = self._slopes[number - 1 : number + 1]
+            if abs(after - before) <= _SAME:
+                continue
+            # Balls of short segments are made smaller, so that they do not overlap (NC-190).
+            shorter = min(b - a for a, b in pairwise(self._places[number - 1 : number + 2]))
+            self._widths[number] = min(radius / max(abs(before), abs(after)), shorter / 2.0)
+
+    def step_at(self, s: float) -> float:
+        """Return by how much the slope changes in a step at a place of the path; 0.0: it does not."""
+        number = bisect_right(self._places, s + _SAME) - 1
+        if (
+            not 0 < number < len(self._slopes)
+            or abs(self._places[number] - s) > _SAME
+            or self._widths[number]
+        ):
+            return 0.0
+        return self._slopes[number] - self._slopes[number - 1]
+
+    def at(self, s: float) -> tuple[float, float, float]:
+        """Return position, slope and change of the slope at the arc length s."""
+        number = min(max(bisect_right(self._places, s) - 1, 0), len(self._slopes) - 1)
+        for knot in (number, number + 1):
+            width, place = self._widths[knot], self._places[knot]
+            if width and abs(s - place) < width:
+                return self._in_ball(knot, s - place)
+        place, position = self._knots[number]
+        slope = self._slopes[number]
+        return position + slope * (s - place), slope, 0.0
+
+    def _in_ball(self, knot: int, way: float) -> tuple[float, float, float]:
+        """Return the same within a ball, `way` behind its knot."""
+        width = self._widths[knot]
+        slope = self._slopes[knot - 1]
+        change = self._slopes[knot] - slope
+        u = (way + width) / (2.0 * width)
+        position = self._knots[knot][1] + slope * way + change * 2.0 * width * (u**3 - 0.5 * u**4)
+        return (
+            position,
+            slope + change * (3.0 * u * u - 2.0 * u**3),
+            change * 6.0 * u * (1.0 - u) / (2.0 * width),
+        )
+
+
 def transition_class(before: Element, after: Element) -> int:
     """Return k of a transition of class Ck: 0 a corner, 1 the acceleration jumps, 2 the jerk alone, 3 none of
     these (NC-181 to NC-184).
@@ -167,6 +228,7 @@ class AxisLimits:
         acceleration: A+, position unit/s2.
         deceleration: Magnitude of A-, position unit/s2.
         jump_factor: Velo Jump Factor (C0).
+        tolerance_ball: Radius of its tolerance ball as an auxiliary axis, position unit; 0.0: none.
 
     """
 
@@ -176,6 +238,7 @@ class AxisLimits:
     acceleration: float
     deceleration: float
     jump_factor: float = 0.0
+    tolerance_ball: float = 0.0
 
     @property
     def g0(self) -> float:

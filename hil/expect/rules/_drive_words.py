@@ -36,12 +36,14 @@ def _warned(drive: DriveView) -> tuple[Flags, Flags]:
     behind a start of the drive until the next one.
     """
     flags, known = np.zeros(len(drive.time_s), dtype=bool), np.ones(len(drive.time_s), dtype=bool)
+    warned = False
     for entry in drive.whole.events.of(drive.name, "drive.warning", "nmt.state", "fault.applied"):
         first = drive.index_of(entry.time_ns)
         if entry.kind == "drive.warning":
-            flags[first:], known[first:] = bool(entry.data.get("warnings")), True
+            warned = bool(entry.data.get("warnings"))
+            flags[first:], known[first:] = warned, True
         elif entry.data.get("to") == "INITIALISING" or entry.data.get("fault") in RESTARTS:
-            known[first:] = not flags[max(first - 1, 0)]
+            known[first:] = not warned
     return flags, known
 
 

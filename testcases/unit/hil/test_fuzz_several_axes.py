@@ -41,7 +41,9 @@ def test_a_program_says_which_axis_does_what():
         ("follower_b", "b_drive"),
     ]
     assert axes[2].leaders == ("leader", "follower_a", "material")
-    program = Program((*preamble_of(axes), Do("move_velocity", {"velocity": 100.0}, "leader"), *FOLLOWING))
+    program = Program(
+        (*preamble_of(axes, axes[0].jobs), Do("move_velocity", {"velocity": 100.0}, "leader"), *FOLLOWING)
+    )
     assert Program.from_json(program.to_json()) == program
     assert "follower_b: cam_in leader = follower_a, cam = swing, profile = 2" in str(program)
     outcome = run_program(program, BENCH, seed=1)
@@ -58,7 +60,9 @@ def test_a_program_says_which_axis_does_what():
         ("follower_a", "MC_GearInVelocity"),
     } <= given
     assert ("job", "MC_GearIn", "STANDSTILL") in situations_of(outcome.trace)
-    assert {step.job for step in (*FOLLOWING, *preamble_of(axes)) if isinstance(step, Do)} >= set(SYNCHRONOUS)
+    assert {
+        step.job for step in (*FOLLOWING, *preamble_of(axes, axes[0].jobs)) if isinstance(step, Do)
+    } >= set(SYNCHRONOUS)
 
 
 def test_programs_give_and_break_on_all_axes():
@@ -71,7 +75,7 @@ def test_programs_give_and_break_on_all_axes():
     @hypothesis.settings(max_examples=30, database=None, deadline=None)
     @hypothesis.given(programs(kinds, ids, axes=axes))
     def draw(program: Program) -> None:
-        steps.extend(program.steps[len(preamble_of(axes)) :])
+        steps.extend(program.steps[len(preamble_of(axes, axes[0].jobs)) :])
 
     draw()
     given = {(step.axis, step.job in SYNCHRONOUS) for step in steps if isinstance(step, Do)}
@@ -92,7 +96,7 @@ def test_a_search_runs_programs_of_several_axes():
 
 def test_a_fault_without_target_still_means_the_first_axis():
     """Programs that were kept before there were several axes mean what they did."""
-    program = Program((*preamble_of(()), Do("power_on"), Wait(0.2), Break(Fault("drive.sto"))))
+    program = Program((Do("power_on"), Wait(0.2), Break(Fault("drive.sto"))))
     trace = run_program(program, BENCH, seed=1).trace
     assert [e.source for e in trace.events if e.kind == "fault.applied"] == ["leader_drive"]
 

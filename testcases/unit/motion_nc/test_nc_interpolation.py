@@ -339,3 +339,83 @@ def test_coordinated_dynamics():
     assert dynamics(MC_Maximum, MC_Maximum, MC_Maximum, 1e12) == (2000.0, 15000.0, 15000.0, 1e12)
     assert dynamics(jerk=inf) == (100.0, 1.0, 1.0, 0.0)
     assert catalogue()["axis.maximum_acceleration"].default == 15000.0
+
+
+@pytest.mark.requirement("NC-176")
+def test_tolerance_ball_of_an_auxiliary_axis(subtests):
+    """An auxiliary axis goes straight from knot to knot with 0.0, and the path slows down for the step of its
+    velocity; with a radius it leaves its straight ways within the radius alone, with a smooth velocity, and
+    the path keeps its feed.
+    """
+    for radius, ball in ((0.0, 0.0), (3.0, 0.0), (400.0, 0.0), (0.0, 4.0), (2.0, 4.0)):
+        with subtests.test(radius=radius, ball=ball):
+            pair = _Pair()
+            c = Rig(with_=pair.x, axis__tolerance_ball_aux=radius, axis__velo_jump_factor=2.0)
+            c.enabled()
+            group = pair.group = InterpolationGroup(
+                [pair.x.axis, pair.y.axis],
+                auxiliary=[c.axis],
+                cycle_s=T,
+                acceleration=1000.0,
+                deceleration=1000.0,
+                jerk=50_000.0,
+            )
+            pair.x.runtime.groups[:] = [group]
+            group.tolerance_ball(ball)
+            name = c.axis.name
+            group.g1(100.0, x=60.0, **{name: 30.0})
+            group.g1(100.0, **({"x1": 40.0, name: -10.0} if ball else {"x": 100.0, name: -10.0}))
+            seen = []
+            assert group.start() == 0
+            while group.running:
+                pair.x.cycles()
+                motions = [one.axis.motion for one in (pair.x, pair.y, c)]
+                seen.append([value for one in motions for value in (one.s, one.v)])
+            assert c.axis.motion.s == pytest.approx(-10.0)
+            assert not c.axis.error
+            # Slopes of 0.5 and -1 of the way; a ball that is too big ends at half of the shorter way.
+            deviation, in_ball = 0.0, []
+            for x, _, y, _, place, _ in seen:
+                way = x + y
+                ideal = 0.5 * way if way < 60.0 else 30.0 - (way - 60.0)
+                if not ball or x == 60.0 or y == 0.0:
+                    deviation = max(deviation, abs(ideal - place))
+                    if abs(ideal - place) > 1e-6:
+                        in_ball.append(abs(place - 30.0))
+            if radius and not ball:
+                assert max(in_ball) <= min(radius, 20.0) + 1e-6
+                assert 0.1 * min(radius, 20.0) < deviation < 0.5 * min(radius, 20.0)
+            elif not ball:
+                assert deviation < 1e-6
+            steps = [abs(b[5] - a[5]) for a, b in pairwise(seen)]
+            feeds = [hypot(one[1], one[3]) for one in seen]
+            passing = feeds[min(range(len(seen)), key=lambda at: abs(seen[at][0] + seen[at][2] - 60.0))]
+            if radius:
+                assert max(steps) < (9.0 if ball else 100.0 * 1.5 * 1.5 / (2 * min(radius, 20.0)) * 0.2 + 3.1)
+            else:
+                assert max(steps) <= 2.0 * 15_000.0 * T + 3.1
+            if not ball:
+                assert passing == pytest.approx(100.0 if radius else 40.0, abs=2.0)
+    with pytest.raises(ConfigurationError, match="auxiliary axes alone"):
+        group.g1(10.0, **{name: 5.0})
+
+
+@pytest.mark.requirement("NC-176")
+def test_an_auxiliary_axis_belongs_to_its_group():
+    """It takes no other command, is stopped with the path, and its error stops the others."""
+    pair = _Pair()
+    c = Rig(with_=pair.x)
+    c.enabled()
+    group = InterpolationGroup(
+        [pair.x.axis], auxiliary=[c.axis], cycle_s=T, acceleration=1000.0, deceleration=1000.0, jerk=50_000.0
+    )
+    pair.x.runtime.groups[:] = [group]
+    group.g1(100.0, x=200.0, **{c.axis.name: 100.0})
+    assert group.start() == 0
+    pair.x.cycles(300)
+    assert c.handle.move_absolute(1.0, Velocity=1.0).ended() is False
+    pair.x.cycles(2)
+    assert c.axis.motion.s == pytest.approx(0.5 * pair.x.axis.motion.s)
+    c.axis.raise_error(0x4550)
+    assert pair.x.axis.error_id == 0x43A0
+    assert not group.running
