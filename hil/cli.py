@@ -941,6 +941,24 @@ def mutants(
 
 
 @app.command()
+def museum(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[list | show NAME | run NAMES...]", help="What to do; default: list."),
+    ] = None,
+    *,
+    as_json: JsonOption = False,
+) -> None:
+    """Show published defects of real products, and run the cases that catch them."""
+    from fieldbus import core_build
+
+    core_build.restart_pure()
+    from hil._commands.museum import show_museum
+
+    raise typer.Exit(show_museum(words or [], as_json=as_json))
+
+
+@app.command()
 def benchmark(
     as_json: JsonOption = False,
     seconds: Annotated[

@@ -72,6 +72,7 @@ SHIPPED: Final = (
     ShippedCampaign("modbus_faults", seeding=("own",)),
     ShippedCampaign("modbus_services", seeding=("own",)),
     ShippedCampaign("axis_motion", seeding=("own", "pairwise")),
+    ShippedCampaign("modulo_axis", seeding=("own",)),
     ShippedCampaign("limits", seeding=("reference", "analog", "nc")),
     ShippedCampaign("monitoring", seeding=("reference", "nc")),
     ShippedCampaign("control", seeding=("profidrive",)),

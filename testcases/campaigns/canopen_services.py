@@ -315,7 +315,8 @@ def heartbeat_consumer(ctx: CaseContext, time_ms: int, reaction: int) -> None:
     node.send(0x763, b"\x05")
     ctx.run_for(0.01)
     if reaction == 0:
-        node.equal("EMCY 0000h", node.taken(0x80 + NODE)[-1][:3] == b"\0\0\0", 1, "C301-109")
+        ends = node.taken(0x80 + NODE)
+        node.equal("EMCY 0000h", ends != [] and ends[-1][:3] == b"\0\0\0", 1, "C301-109")
         node.shows(0x1001, 0)
 
 
@@ -323,10 +324,12 @@ def heartbeat_consumer(ctx: CaseContext, time_ms: int, reaction: int) -> None:
     "error-behaviour/{value}",
     parameters=[{"value": 0, "state": 127}, {"value": 1, "state": 5}, {"value": 2, "state": 4}],
     title="1029h:1 = {value} at a communication error",
-    requirements=("C301-028",),
+    requirements=("C301-028", "C301-017"),
 )
 def error_behaviour(ctx: CaseContext, value: int, state: int) -> None:
-    """1029h says into which state a communication error takes the node."""
+    """1029h says into which state a communication error takes the node; NMT start takes it back, although
+    the error register still shows the error.
+    """
     node = Node(ctx)
     node.listen(0x700 + NODE)
     node.configure({(0x1029, 1): value, (0x1016, 1): 99 << 16 | 50, 0x1017: 20})
@@ -334,6 +337,9 @@ def error_behaviour(ctx: CaseContext, value: int, state: int) -> None:
     node.send(0x763, b"\x05")
     ctx.run_for(0.12)
     node.equal("state", node.taken(0x700 + NODE)[-1][0], state, "C301-028")
+    node.nmt(NmtCommand.START)
+    ctx.run_for(0.05)
+    node.equal("state after NMT start", node.taken(0x700 + NODE)[-1][0], 5, "C301-017")
 
 
 @CAMPAIGN.case("node-guarding", requirements=("C301-029",))
@@ -502,7 +508,7 @@ def tpdo_remote(ctx: CaseContext, kind: int) -> None:
         {"size": 8, "code": 0x8220, "acts": 1},
     ],
     title="RPDO of {size} bytes for a mapping of 6",
-    requirements=("C301-041", "C301-042"),
+    requirements=("C301-041", "C301-042", "C301-112"),
 )
 def rpdo_length(ctx: CaseContext, size: int, code: int, acts: int) -> None:
     """A short one is not processed (8210h), of a long one the mapped bytes are (8220h), each told once."""
@@ -519,6 +525,8 @@ def rpdo_length(ctx: CaseContext, size: int, code: int, acts: int) -> None:
     emcys = [int.from_bytes(data[:2], "little") for data in node.taken(0x80 + NODE)]
     node.equal("EMCY once", emcys == ([code] if code else []), 1, "C301-042")
     if code:
+        register = node.read(0x1001, signed=False)
+        node.equal("communication error in 1001h", register & 0x10, 0x10, "C301-112")
         node.send(0x200 + NODE, words(0x06) + number(99))
         ctx.run_for(0.01)
         node.shows(0x607A, 99)

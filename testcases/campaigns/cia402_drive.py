@@ -108,6 +108,22 @@ def setpoints_missing(ctx: CaseContext, number: int) -> None:
         ctx.expect(no_alarm(axis=axis_name(ctx)))
 
 
+@CAMPAIGN.case("heartbeat-never-comes", requirements=("C301-027",))
+def heartbeat_never_comes(ctx: CaseContext) -> None:
+    """A drive that is configured to send heartbeats and starts without a single one is lost like one whose
+    heartbeat has stopped.
+    """
+    drive = drive_name(ctx)
+    off = ctx.inject("drive.power_off", drive)
+    ctx.run_for(0.5)
+    silent = ctx.inject("drive.heartbeat_loss", drive)
+    off.remove()
+    since = ctx.now_s
+    ctx.run_for(1.5)
+    ctx.expect(happens(event("node.lost", reason="heartbeat"), since=since, within_s=1.5).covers("C301-027"))
+    silent.remove()
+
+
 @CAMPAIGN.product(
     "nmt-of-others/{command}",
     parameters={"command": ("02", "80", "81")},

@@ -450,6 +450,23 @@ def cyclic(ctx: CaseContext, mode: int, name: str) -> None:
     node.equal("the TPDO shows the way", moved > 10, 1)
 
 
+@CAMPAIGN.case("first-target", requirements=("C402-100",))
+def first_target(ctx: CaseContext) -> None:
+    """In csp a drive that has got no target yet holds the place where it is enabled: 607Ah is still 0, far
+    from there.
+    """
+    node = turning(ctx, 3)
+    node.write(0x60FF, 0)
+    ctx.run_for(SPEED / DOWN + 0.1)
+    node.control(0x00)
+    there = node.read(0x6064)
+    node.equal("the place is away from 0", abs(there) > REV, 1)
+    node.shows(0x607A, 0)
+    node.enable(8)
+    ctx.run_for(0.2)
+    node.shows(0x6064, there, "C402-100", within=REV / 100)
+
+
 # -- homing in the drive -----------------------------------------------------------------------------------
 
 NLS, PLS, CAM = -45.0, 61.0, (-30.0, -12.5)

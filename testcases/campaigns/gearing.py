@@ -4,8 +4,18 @@ from __future__ import annotations
 
 from typing import Final
 
+from hil.bench import BenchFile, load_bench
 from hil.campaign import Campaign, CaseContext
-from hil.expect import alarm, follows, job_output, no_alarm, no_motion_after, status_word_bit, value_at
+from hil.expect import (
+    alarm,
+    always,
+    follows,
+    job_output,
+    no_alarm,
+    no_motion_after,
+    status_word_bit,
+    value_at,
+)
 from testcases.campaigns._synchronous import (
     BENCH,
     DISTANCE,
@@ -19,7 +29,19 @@ from testcases.campaigns._synchronous import (
     stays_in_gear,
 )
 
+_TURN: Final = 100.0
+"""Modulo range of the follower where it has one, mm."""
+ROUND: Final[BenchFile] = load_bench(BENCH).configured(
+    {
+        "axis": {
+            FOLLOWER: {"variables": {"Modulo.Enable": True, "Modulo.StartValue": 0.0, "Modulo.Length": _TURN}}
+        }
+    }
+)
 CAMPAIGN: Final = Campaign("gearing", tags=("synchronous",), bench=BENCH)
+TURNING: Final = Campaign(
+    "gearing of a modulo axis", tags=("synchronous",), bench="testcases.campaigns.gearing:ROUND"
+)
 _MAXIMUM: Final = 500.0
 """Highest velocity of the axes of the bench, mm/s."""
 
@@ -173,6 +195,38 @@ def gear_out(ctx: CaseContext) -> None:
     ctx.expect(
         value_at(f"{FOLLOWER}.position_setpoint", ctx.now_s, place, tolerance=1e-6).covers("SYN-206"),
         no_motion_after(ctx.now_s - 0.2, axis=FOLLOWER),
+    )
+
+
+@TURNING.case(
+    "gear-out/behind",
+    title="MC_GearOut to a place that the axis has just passed",
+    requirements=("SYN-202", "SYN-206"),
+)
+def gear_out_behind(ctx: CaseContext) -> None:
+    """A modulo axis goes on in its direction to the stop position of the next turn; it does not come back."""
+    here = machine(ctx)
+    bring(ctx, here, "gear-in-pos", "synchronous")
+    place = (here.position(here.follower) - 5.0) % _TURN
+    since = ctx.now_s
+    out = here.follower.gear_out(place, MasterStopDistance=DISTANCE)
+    ctx.wait_until(out.done, 5.0, "the axis is desynchronised")
+    ctx.run_for(0.2)
+    ctx.expect(
+        always(
+            "the follower does not reverse",
+            lambda velocity: velocity >= -1e-6,
+            f"{FOLLOWER}.velocity_setpoint",
+            since=since,
+        ).covers("SYN-202"),
+    )
+    ctx.measure(
+        "stop position",
+        here.position(here.follower),
+        "mm",
+        low=place - 1e-6,
+        high=place + 1e-6,
+        requirements=("SYN-206",),
     )
 
 

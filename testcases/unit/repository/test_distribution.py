@@ -20,7 +20,7 @@ from hatchling.builders.wheel import WheelBuilder
 ROOT = Path(__file__).resolve().parents[3]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PRODUCT = ("fieldbus", "emulators", "motion", "hil", "reports")
-SHIPPED = (*PRODUCT, "testcases/campaigns")
+SHIPPED = (*PRODUCT, "testcases/campaigns", "testcases/museum")
 
 
 def built(builder, directory: Path) -> Path:
@@ -65,10 +65,11 @@ def test_packages_are_marked_as_typed(wheel, package):
 
 @pytest.mark.exhaustive
 def test_nothing_but_the_packages_is_installed(wheel):
-    """The wheel has the product and its campaigns; the tests of the product stay in the source."""
+    """The wheel has the product, its campaigns and its museum; the tests stay in the source."""
     files = {name for name in wheel.namelist() if ".dist-info" not in name}
     assert {name.split("/")[0] for name in files} == {"motion_hil.py", *PRODUCT, "testcases"}
-    others = [name for name in files if name.startswith("testcases/") and "/campaigns/" not in name]
+    folders = ("testcases/campaigns/", "testcases/museum/")
+    others = [name for name in files if name.startswith("testcases/") and not name.startswith(folders)]
     assert others == ["testcases/__init__.py"]
 
 
