@@ -33,6 +33,8 @@ class Page:
         self.state: dict[str, Any] = {}
         self.events: list[list[Any]] = []
         self.samples: list[bytes] = []
+        self.documents: list[dict[str, Any]] = []
+        """What came of other kinds."""
         self.code: int | None = None
         self._replies: Queue[dict[str, Any]] = Queue()
         self._number = 0
@@ -61,6 +63,8 @@ class Page:
                 self.state = document
             elif kind == "events":
                 self.events += document["events"]
+            else:
+                self.documents.append(document)
 
     def ask(self, kind: str, **fields: Any) -> dict[str, Any]:
         """Send a message and return its reply."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from fieldbus import cia406
 from fieldbus.can.frame import CanFrame
@@ -44,6 +44,21 @@ _STATES: Final = {
 _HEXADECIMAL: Final = frozenset(
     (0x1001, 0x1002, 0x603F, 0x6040, 0x6041, 0x60B8, 0x60B9, 0x60FD, 0x60FE, 0x6502, 0x60A9)
 )
+
+
+class PdoField(NamedTuple):
+    """An object in a PDO."""
+
+    object_index: int
+    sub: int
+    first_bit: int
+    """Counted from bit 0 of the first byte."""
+    bits: int
+    name: str
+    number: int
+    """Its bits as an unsigned number."""
+    text: str
+    """Its value in words."""
 
 
 class FrameDecoder:
@@ -143,6 +158,32 @@ class FrameDecoder:
                 number -= mask + 1
             found.append((key, number))
         return node_id, found
+
+    def fields(self, frame: CanFrame) -> list[PdoField]:
+        """Return what is where in a PDO by the mapping in effect, as far as it is long; empty: it is none."""
+        pdo = None if frame.remote or frame.extended else self._pdos.get(frame.can_id)
+        if pdo is None:
+            return []
+        node, _, mapping = pdo
+        word, offset, found = int.from_bytes(frame.data, "little"), 0, []
+        for raw in mapping:
+            index, sub, bits = raw >> 16, raw >> 8 & 0xFF, raw & 0xFF
+            if offset + bits > 8 * len(frame.data):
+                break
+            number = word >> offset & (1 << bits) - 1
+            # A free word of process data says by itself what it holds.
+            texts = node.describe_words([raw], number, bits)
+            data = number.to_bytes((bits + 7) // 8, "little")
+            name = texts[0].partition(" = ")[0] if texts else node.object_name(index, sub)
+            text = texts[0].partition(" = ")[2] if texts else node.value_text(index, sub, data)
+            if index >= 0x1000:
+                found.append(PdoField(index, sub, offset, bits, name, number, text))
+            offset += bits
+        return found
+
+    def value_text(self, node_id: int, index: int, sub: int, data: bytes) -> str:
+        """Return the content of an entry of a node in words, as far as its meaning is known."""
+        return self._node(node_id).value_text(index, sub, data)
 
     def mapped_length(self, can_id: int) -> int:
         """Return how many bytes a PDO has by the mapping in effect; 0 for what is none."""

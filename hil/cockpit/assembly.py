@@ -11,7 +11,10 @@ from hil.cockpit.messages import RateLimit
 from hil.cockpit.operator import Control
 from hil.cockpit.panes.axis import AxisPane
 from hil.cockpit.panes.bench import BenchPane
+from hil.cockpit.panes.bus import BusPane
+from hil.cockpit.panes.faults import FaultPane
 from hil.cockpit.panes.scope import ScopePane
+from hil.cockpit.panes.session import SessionPane
 from hil.cockpit.panes.time_control import TimePane
 from hil.cockpit.security import Admission
 from hil.cockpit.server import application
@@ -48,12 +51,16 @@ def cockpit(
     """
     control = Control()
     machine = Machine(bench_file, control, seed=seed)
+    session = SessionPane(machine, folder)
     machine.use(
         [
             TimePane(machine, control),
             BenchPane(machine, folder),
             AxisPane(control, folder, allow_motion=allow_motion),
             ScopePane(),
+            session,
+            FaultPane(session.the_session),
+            BusPane(session.the_session, allow_motion=allow_motion),
         ]
     )
     return application(machine, Admission(token, port), hosts, rate=rate)

@@ -55,7 +55,7 @@ def write_matrix(session: Recorded, *, bench: str, title: str = "session") -> st
     factors = {
         "bench": bench,
         "job": _job_word(job),
-        "moment": _moment(session.bench.trace(), job.axis, stop_ns / S),
+        "moment": _moment(session.trace, job.axis, stop_ns / S),
         "stop": word,
     }
     rows = [f"{name} = [{json.dumps(value)}]" for name, value in factors.items()]

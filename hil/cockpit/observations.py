@@ -96,6 +96,8 @@ class Chooser:
         self._steps = steps
         self._axes = tuple(axes)
         self._cycle_s = cycle_s
+        self._looked_s = 0.0
+        """Time of the last look."""
         self._told: set[int] = set()
         """Steps whose end has been told."""
 
@@ -119,17 +121,21 @@ class Chooser:
         ]
         ends = [one for one in self._ends(look, first) if all(one.holds(moment.made) for moment in moments)]
         self._told.update(one.number for one in ends)
+        self._looked_s = first.trace.end_s
         return Judgement(reference, tuple(_best(kept)), tuple(stops), tuple(ends))
 
     # -- from when on -------------------------------------------------------------------------------------
 
     def _reference(self, look: Look, trace: Trace) -> Call | None:
-        """Return the event of the last step that breaks or stops something; None: there is none."""
-        for number in reversed(look.steps):
-            found = self._event_of(number)
-            if found is not None and trace.instant(found.made) is not None:
-                return found
-        return None
+        """Return the last thing since the last look that broke or stopped something; None: there is none."""
+        found: Call | None = None
+        latest_s = self._looked_s
+        for number in range(look.steps[-1] + 1):
+            event = self._event_of(number)
+            when = None if event is None else trace.instant(event.made)
+            if when is not None and when >= latest_s:
+                found, latest_s = event, when
+        return found
 
     def _event_of(self, number: int) -> Call | None:
         step, before = self._steps[number], self._steps[:number]

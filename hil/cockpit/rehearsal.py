@@ -175,7 +175,7 @@ class Script:
     def _pause(self, begin_ns: int, end_ns: int, *, waited: bool) -> int:
         """Return how long to wait, to the millisecond: a pause in which nothing happens gets short."""
         active = self._busy_ns[np.searchsorted(self._busy_ns, begin_ns, "right") :]
-        active = active[active <= end_ns]
+        active = active[active < end_ns]
         last_ns = int(active[-1]) if len(active) else begin_ns
         quiet_ns = round(QUIET_S * S)
         if end_ns - last_ns > quiet_ns:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from hil.cockpit.steps import Performer, Step, TimedStep
+from hil.cockpit.written_test import Recorded
 
 if TYPE_CHECKING:
+    from hil.bench import BenchFile
     from hil.bench.bench import Bench
     from hil.faults import Injector
     from reports.json_types import JsonObject
@@ -38,17 +40,35 @@ class Session:
         self.steps.append(TimedStep(now, step))
         return made
 
-    def note(self, step: Step, made: object = None) -> int:
-        """Record a step that somebody else has done just now; returns its number, from 0.
+    def note(self, step: Step, made: object = None, *, time_ns: int | None = None) -> int:
+        """Record a step that somebody else has done; returns its number, from 0.
 
         Args:
             step: The step.
             made: The instance, armed fault or SDO job that it has made, for later steps.
+            time_ns: When it was done; None: now.
 
         """
         self.performer.follow(made)
-        self.steps.append(TimedStep(self.bench.scheduler.now, step))
+        self.steps.append(TimedStep(self.bench.scheduler.now if time_ns is None else time_ns, step))
         return len(self.steps) - 1
+
+    def recorded(self, bench_file: BenchFile) -> Recorded:
+        """Return what is needed to save the session, as it is now.
+
+        Args:
+            bench_file: What the bench was built of.
+
+        """
+        bench = self.bench
+        return Recorded(
+            tuple(self.steps),
+            tuple(self.performer.made),
+            bench.trace(),
+            bench.scheduler.now,
+            (*bench.axis_names, *bench.nc_axis_names),
+            bench_file,
+        )
 
     def to_dicts(self) -> list[JsonObject]:
         """Return the steps for a list."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.errors import ConfigurationError, UnknownNameError
-from hil.faults import Fault, Injector, Trigger
+from hil.faults import Fault, Injector
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -125,16 +125,16 @@ class TakeBack:
 
 
 @dataclass(frozen=True)
-class WaitFor:
-    """Time passes until a condition is met; the session waits, and nothing else is done."""
+class Remark:
+    """Something that a test only mentions: what was waited for, or a command that it has no line for."""
 
-    condition: Trigger
+    text: str
 
     def __str__(self) -> str:
-        return f"wait: {self.condition}"
+        return self.text
 
 
-Step = Command | SetInputs | WriteVariable | WriteObject | Inject | TakeBack | WaitFor
+Step = Command | SetInputs | WriteVariable | WriteObject | Inject | TakeBack | Remark
 
 
 @dataclass(frozen=True)
@@ -196,8 +196,8 @@ class Performer:
             case TakeBack():
                 armed: ArmedFault = self._earlier(step.step)
                 armed.remove()
-            case WaitFor():
-                pass  # time passes between the steps
+            case Remark():
+                pass
         return None
 
     def _earlier(self, number: int) -> Any:

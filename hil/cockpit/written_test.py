@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from fieldbus.clock import S
 from hil.cockpit.code_text import WIDTH, Call, Code, import_lines, literal, trigger_call
 from hil.cockpit.observations import Chooser, JobEnd, Judgement, Stopped
 from hil.cockpit.rehearsal import Action, Do, Look, Moment, Pause, Script, Until
@@ -17,11 +16,11 @@ from hil.cockpit.steps import (
     COMMANDS,
     Command,
     Inject,
+    Remark,
     SetInputs,
     Step,
     TakeBack,
     TimedStep,
-    WaitFor,
     WriteObject,
     WriteVariable,
 )
@@ -31,8 +30,8 @@ from hil.faults import Immediately, fault_type
 from reports.model import Verdict
 
 if TYPE_CHECKING:
-    from hil.bench.bench import Bench
-    from hil.protocols import BenchFile
+    from hil.bench import BenchFile
+    from hil.record import Trace
 
 SEEDS: Final = (0, 1)
 """Seeds of the rehearsals: what hangs on chance is not expected."""
@@ -56,8 +55,11 @@ class Recorded:
     steps: tuple[TimedStep, ...]
     made: tuple[Any, ...]
     """What each step has made."""
-    bench: Bench
-    bench_file: BenchFile[Bench]
+    trace: Trace
+    end_ns: int
+    """Time at which it is saved, ns."""
+    axes: tuple[str, ...]
+    bench_file: BenchFile
 
 
 @dataclass(frozen=True)
@@ -93,12 +95,11 @@ def write_test(session: Recorded, *, name: str = "session", bench: str = "", tit
     """
     if not session.steps:
         raise CannotRunError("nothing was done in this session yet: there is no test to write")
-    real, notes = session.bench, list[str]()
-    end_ns = real.scheduler.now
-    recorded = real.trace()
+    notes = list[str]()
+    end_ns, recorded = session.end_ns, session.trace
     script = Script(session.steps, recorded, session.made, end_ns)
     seen = script.recorded(session.steps, session.made, end_ns)
-    if real.kind != "virtual":
+    if session.bench_file.kind != "virtual":
         runs = [seen]
         notes.append("the bench is live: the test expects what was recorded once, and was not tried again")
     else:
@@ -115,8 +116,8 @@ def write_test(session: Recorded, *, name: str = "session", bench: str = "", tit
             notes += [still] if still else []
     looks = [one for one in script.actions if isinstance(one, Look)]
     steps = [one.step for one in session.steps]
-    axes = (*real.axis_names, *real.nc_axis_names)
-    chooser = Chooser(steps, axes, real.cycle_ns / S)
+    axes, cycle_ms = session.axes, session.bench_file.config.bench.cycle_ms
+    chooser = Chooser(steps, axes, cycle_ms / 1000)
     judged = {
         look.steps: chooser.judge(look, [moments[number] for moments in runs])
         for number, look in enumerate(looks)
@@ -136,7 +137,7 @@ def write_test(session: Recorded, *, name: str = "session", bench: str = "", tit
     return WrittenTest(text, tuple(notes))
 
 
-def _rehearse(script: Script, bench_file: BenchFile[Bench], seed: int) -> list[Moment]:
+def _rehearse(script: Script, bench_file: BenchFile, seed: int) -> list[Moment]:
     from hil.errors import ExpectationFailedError
 
     with bench_file.build(seed=seed) as bench:
@@ -305,8 +306,8 @@ class _Writer:
                 self._statement(number, self._inject(step))
             case TakeBack():
                 self._lines.append(f"    {self._names[step.step]}.remove()")
-            case WaitFor():
-                self._lines.append(f"    # {step.condition}")
+            case Remark():
+                self._lines.append(f"    # {step.text}")
 
     def _statement(self, number: int, call: Call) -> None:
         name = self._names.get(number)
@@ -415,21 +416,23 @@ def _sentence(text: str) -> str:
     return clean if clean.endswith((".", "!", "?")) else f"{clean}."
 
 
-def save_test(written: WrittenTest, folder: Path, name: str) -> Path:
-    """Write a test into a folder, and return its file; an earlier one of the same name stays.
+def save_text(text: str, folder: Path, name: str, *, ending: str = "py") -> Path:
+    """Write a test, or a matrix, into a folder, and return its file; an earlier one of the same name stays.
 
     Raises:
         CannotRunError: Nothing can be written there.
 
     """
     stem = function_name(name)
+    if ending != "py":
+        stem = stem.removeprefix("test_")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        path, count = folder / f"{stem}.py", 1
+        path, count = folder / f"{stem}.{ending}", 1
         while path.exists():
             count += 1
-            path = folder / f"{stem}_{count}.py"
-        path.write_text(written.text, encoding="utf-8")
+            path = folder / f"{stem}_{count}.{ending}"
+        path.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise CannotRunError(f"the test cannot be written to {folder}: {error}") from error
+        raise CannotRunError(f"{stem}.{ending} cannot be written to {folder}: {error}") from error
     return path

@@ -13,7 +13,7 @@ from hil.cockpit.code_text import trigger_call
 from hil.cockpit.matrix_text import write_matrix
 from hil.cockpit.session import Session
 from hil.cockpit.steps import Command, Inject, SetInputs, TakeBack, WriteVariable, panel_steps
-from hil.cockpit.written_test import Recorded, save_test, write_test
+from hil.cockpit.written_test import save_text, write_test
 from hil.errors import CannotRunError, ExpectationFailedError
 from hil.expect import REFERENCE_AXIS
 from hil.faults import TRIGGERS, Fault, position
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.exhaustive
 
 def recorded(session, name="reference"):
     """Return what is saved of a session."""
-    return Recorded(tuple(session.steps), tuple(session.performer.made), session.bench, load_bench_file(name))
+    return session.recorded(load_bench_file(name))
 
 
 def call(text, name="reference", seed=5):
@@ -120,7 +120,7 @@ def test_the_written_test_is_green_and_red_with_a_defect(written, defect):
 
 def test_pytest_runs_what_was_saved(written, tmp_path):
     """The file is a test of pytest; a second one of the same name does not replace it."""
-    file, second = (save_test(written, tmp_path, "trip") for _ in range(2))
+    file, second = (save_text(written.text, tmp_path, "trip") for _ in range(2))
     assert (file.name, second.name) == ("test_trip.py", "test_trip_2.py")
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(file)],

@@ -1,0 +1,128 @@
+"""The kinds of faults for one bench: what they may hit, their parameters, and what this bench cannot do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+from fieldbus.errors import ConfigurationError, HilError, UnsupportedFaultError
+from hil.faults import TRIGGERS, ArmedFault, Fault, FaultType, Injector
+from hil.faults._catalogue import FAMILIES
+
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
+    from reports.json_types import JsonObject
+
+_NO_TARGET: Final = {
+    "segment": "this bench has no segment",
+    "drive": "this bench has no emulated drive",
+    "axis": "this bench has no axis",
+    "switch": "this bench has no emulated drive",
+    "mechanics": "this bench has no emulated drive",
+    "encoder": "this bench has no emulated drive or encoder",
+    "station": "this bench has no I/O station",
+    "controller": "this bench has no controller",
+    "cam": "this bench has no cam",
+}
+
+
+def targets(bench: Bench, kind: FaultType) -> tuple[str, ...]:
+    """Return the names of what a kind of fault may hit on a bench; that of the controller is empty."""
+    drives = bench.drive_names
+    encoders = (*bench.encoder_names, *bench.second_encoder_names)
+    by_kind: dict[str, Sequence[str]] = {
+        "segment": bench.segment_names,
+        "drive": drives,
+        "axis": (*bench.axis_names, *bench.nc_axis_names),
+        "switch": drives,
+        "mechanics": drives,
+        "encoder": (*drives, *encoders),
+        "station": bench.station_names,
+        "controller": ("",),
+        "cam": bench.cam_names,
+    }
+    return tuple(by_kind[kind.target])
+
+
+def why_not(bench: Bench, kind: FaultType, target: str) -> str:
+    """Return why a bench cannot inject a fault into a target; empty: it can, with the right parameters.
+
+    The fault is made as it would be to be armed, and not armed.
+    """
+    parameters = dict(kind.example.get("parameters", {}))
+    try:
+        ArmedFault(Injector(bench), Fault(kind.name, target, parameters=parameters), 0)
+    except UnsupportedFaultError as error:
+        return str(error).removeprefix(f"{kind.name} cannot be injected: ")
+    except ConfigurationError as error:
+        # The values of the example are for its bench; a part that is of another sort is of this one.
+        return "" if ".parameters" in error.where else str(error)
+    except HilError as error:
+        return str(error)
+    return ""
+
+
+def describe(bench: Bench) -> list[JsonObject]:
+    """Return all kinds of faults for a bench, in the order of the handbook.
+
+    `targets` are the names that may be hit; `reason` says why none can be, else it is empty.
+    """
+    found: list[JsonObject] = []
+    title = ""
+    for family in FAMILIES:
+        title = family.title or title
+        for kind in family.kinds:
+            names = targets(bench, kind)
+            reasons = [why_not(bench, kind, name) for name in names]
+            good = [name for name, reason in zip(names, reasons, strict=True) if not reason]
+            reason = "" if good else next(iter(reasons), _NO_TARGET[kind.target])
+            plain = kind.to_dict()
+            found.append(
+                {
+                    "name": kind.name,
+                    "family": title or "Frames",
+                    "summary": kind.summary,
+                    "remark": kind.remark,
+                    "target": kind.target,
+                    "targets": good,
+                    "reason": reason,
+                    "lasting": kind.lasting,
+                    "counted": kind.counted,
+                    "parameters": [
+                        {**shown, "allowed": one.allowed}
+                        for shown, one in zip(_listed(plain["parameters"]), kind.parameters, strict=True)
+                    ],
+                }
+            )
+    return found
+
+
+def _listed(value: object) -> list[JsonObject]:
+    assert isinstance(value, list)  # as `FaultType.to_dict` makes it
+    return value
+
+
+def triggers() -> list[JsonObject]:
+    """Return the forms of triggers, for a choice."""
+    return [{"when": when, "summary": form.summary, "live": form.live} for when, form in TRIGGERS.items()]
+
+
+def stand(armed: ArmedFault) -> JsonObject:
+    """Return how an armed fault stands."""
+    fault = armed.fault
+    ends = f"until {fault.until}" if fault.until is not None else ""
+    if fault.duration_s is not None:
+        ends = f"for {fault.duration_s:g} s"
+    return {
+        "number": armed.number,
+        "kind": fault.kind,
+        "target": armed.target,
+        "parameters": dict(fault.parameters),
+        "stands": armed.stands,
+        "trigger": str(fault.trigger),
+        "ends": ends,
+        "applications": armed.applications,
+        "applied_s": None if armed.applied_ns is None else armed.applied_ns * 1e-9,
+        "removed_s": None if armed.removed_ns is None else armed.removed_ns * 1e-9,
+        "waiting": armed.waiting_summary(),
+    }

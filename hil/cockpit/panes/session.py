@@ -1,0 +1,156 @@
+"""The session: what was done, as steps, and saved as a test or a matrix file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field
+
+from hil.cockpit.matrix_text import write_matrix
+from hil.cockpit.messages import Message, MessageError
+from hil.cockpit.pane import Handler, Pane
+from hil.cockpit.panes.axis import AxisAway, AxisCommand, AxisJog, StopAll
+from hil.cockpit.panes.time_control import ReleaseControl, RunToEvent, RunToSignal, RunToTime
+from hil.cockpit.recording import AxisRecorder
+from hil.cockpit.session import Session
+from hil.cockpit.steps import Remark
+from hil.cockpit.written_test import WrittenTest, save_text, write_test
+
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
+    from hil.cockpit.client import Client
+    from hil.cockpit.machine import Machine
+    from hil.cockpit.written_test import Recorded
+
+_Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[\w .,()/+-]+$")]
+_Form = Literal["pytest", "matrix"]
+_MOST_SHOWN = 500
+
+
+class HoldSession(Message):
+    """Hold the session as it is now, to be written."""
+
+    operates = False
+    kind: Literal["session.hold"]
+
+
+class WriteSession(Message):
+    """Write the session that is held: the text comes as the reply."""
+
+    operates = False
+    aside = True
+    kind: Literal["session.write"]
+    form: _Form
+    name: _Name
+    title: Annotated[str, Field(max_length=200)] = ""
+
+
+class SaveSession(Message):
+    """Save the text that was written last into the working folder."""
+
+    aside = True
+    kind: Literal["session.save"]
+    name: _Name
+
+
+class SessionPane(Pane):
+    """Records what is done, and writes it.
+
+    Args:
+        machine: Has the bench, and tells of every message that was carried out.
+        folder: Where files are saved.
+
+    """
+
+    name = "session"
+
+    def __init__(self, machine: Machine, folder: Path) -> None:
+        self._machine = machine
+        self._folder = folder
+        self._session: Session | None = None
+        self._axes: AxisRecorder | None = None
+        self._held: Recorded | None = None
+        self._written: tuple[str, str] | None = None
+        """Form and text of what was written last."""
+        machine.carried_out.append(self._follow)
+
+    def the_session(self) -> Session:
+        """Return the session.
+
+        Raises:
+            MessageError: No bench is up.
+
+        """
+        if self._session is None:
+            raise MessageError("no bench is up: start one in the view Bench")
+        return self._session
+
+    @property
+    def handlers(self) -> Mapping[type[Message], Handler]:
+        """What it takes."""
+        return {HoldSession: self._hold, WriteSession: self._write, SaveSession: self._save}
+
+    def begin(self, bench: Bench) -> None:
+        """Begin a new session."""
+        self._session = Session(bench)
+        self._axes = AxisRecorder(self._session)
+
+    def end(self) -> None:
+        """End the session."""
+        self._session = self._axes = None
+
+    def _follow(self, _: Client, message: Message, time_ns: int) -> None:
+        """Record a message of another pane."""
+        axes, session = self._axes, self._session
+        if axes is None or session is None:
+            return
+        match message:
+            case AxisCommand():
+                axes.command(message.axis, message.command, message.values, time_ns)
+            case AxisJog():
+                axes.jog(message.axis, message.slider, time_ns)
+            case StopAll() | AxisAway():
+                axes.stop_all(time_ns)
+            case ReleaseControl():
+                axes.released(time_ns)
+            case RunToTime():
+                session.note(Remark(f"until {message.time_s:g} s"), time_ns=time_ns)
+            case RunToSignal():
+                text = f"until {message.signal} {message.compare} {message.value:g}"
+                session.note(Remark(text), time_ns=time_ns)
+            case RunToEvent():
+                of = f" of {message.source}" if message.source else ""
+                session.note(Remark(f"until {message.event}{of}"), time_ns=time_ns)
+            case _:
+                pass
+
+    def _hold(self, _: HoldSession, __: Client) -> int:
+        self._held = self.the_session().recorded(self._machine.bench_file)
+        return len(self._held.steps)
+
+    def _write(self, message: WriteSession, _: Client) -> object:
+        held = self._held
+        if held is None:
+            raise MessageError("nothing is held: the message session.hold comes first")
+        bench = held.bench_file.source
+        if message.form == "matrix":
+            written = WrittenTest(write_matrix(held, bench=bench, title=message.name), ())
+        else:
+            written = write_test(held, name=message.name, bench=bench, title=message.title)
+        self._written = (message.form, written.text)
+        return {"text": written.text, "notes": list(written.notes)}
+
+    def _save(self, message: SaveSession, _: Client) -> str:
+        if self._written is None:
+            raise MessageError("nothing has been written yet")
+        form, text = self._written
+        return str(save_text(text, self._folder, message.name, ending="py" if form == "pytest" else "toml"))
+
+    def state(self) -> object:
+        """Return the steps, the newest ones of many."""
+        if self._session is None:
+            return None
+        steps = self._session.to_dicts()
+        return {"count": len(steps), "steps": steps[-_MOST_SHOWN:]}
