@@ -6,31 +6,33 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import ConfigurationError, HilError, UnsupportedFaultError
-from hil.faults import TRIGGERS, ArmedFault, Fault, FaultType, Injector
-from hil.faults._catalogue import FAMILIES
+from hil.faults import CATALOGUE, TRIGGERS, ArmedFault, Fault, FaultType, Injector
+from hil.faults._kind import TargetKind
 
 if TYPE_CHECKING:
     from hil.bench.bench import Bench
     from reports.json_types import JsonObject
 
-_NO_TARGET: Final = {
-    "segment": "this bench has no segment",
-    "drive": "this bench has no emulated drive",
-    "axis": "this bench has no axis",
-    "switch": "this bench has no emulated drive",
-    "mechanics": "this bench has no emulated drive",
-    "encoder": "this bench has no emulated drive or encoder",
-    "station": "this bench has no I/O station",
-    "controller": "this bench has no controller",
-    "cam": "this bench has no cam",
+_PARTS: Final[dict[TargetKind, str]] = {
+    "segment": "segment",
+    "drive": "emulated drive",
+    "axis": "axis",
+    "switch": "emulated drive",
+    "mechanics": "emulated drive",
+    "encoder": "emulated drive or encoder",
+    "station": "I/O station",
+    "controller": "controller",
+    "cam": "cam",
+    "proxy": "leading-axis proxy",
 }
+"""What each kind of target is the name of."""
 
 
 def targets(bench: Bench, kind: FaultType) -> tuple[str, ...]:
     """Return the names of what a kind of fault may hit on a bench; that of the controller is empty."""
     drives = bench.drive_names
     encoders = (*bench.encoder_names, *bench.second_encoder_names)
-    by_kind: dict[str, Sequence[str]] = {
+    by_kind: dict[TargetKind, Sequence[str]] = {
         "segment": bench.segment_names,
         "drive": drives,
         "axis": (*bench.axis_names, *bench.nc_axis_names),
@@ -40,6 +42,7 @@ def targets(bench: Bench, kind: FaultType) -> tuple[str, ...]:
         "station": bench.station_names,
         "controller": ("",),
         "cam": bench.cam_names,
+        "proxy": bench.proxy_names,
     }
     return tuple(by_kind[kind.target])
 
@@ -68,32 +71,29 @@ def describe(bench: Bench) -> list[JsonObject]:
     `targets` are the names that may be hit; `reason` says why none can be, else it is empty.
     """
     found: list[JsonObject] = []
-    title = ""
-    for family in FAMILIES:
-        title = family.title or title
-        for kind in family.kinds:
-            names = targets(bench, kind)
-            reasons = [why_not(bench, kind, name) for name in names]
-            good = [name for name, reason in zip(names, reasons, strict=True) if not reason]
-            reason = "" if good else next(iter(reasons), _NO_TARGET[kind.target])
-            plain = kind.to_dict()
-            found.append(
-                {
-                    "name": kind.name,
-                    "family": title or "Frames",
-                    "summary": kind.summary,
-                    "remark": kind.remark,
-                    "target": kind.target,
-                    "targets": good,
-                    "reason": reason,
-                    "lasting": kind.lasting,
-                    "counted": kind.counted,
-                    "parameters": [
-                        {**shown, "allowed": one.allowed}
-                        for shown, one in zip(_listed(plain["parameters"]), kind.parameters, strict=True)
-                    ],
-                }
-            )
+    for kind in CATALOGUE:
+        names = targets(bench, kind)
+        reasons = [why_not(bench, kind, name) for name in names]
+        good = [name for name, reason in zip(names, reasons, strict=True) if not reason]
+        reason = "" if good else next(iter(reasons), f"this bench has no {_PARTS[kind.target]}")
+        plain = kind.to_dict()
+        found.append(
+            {
+                "name": kind.name,
+                "family": kind.seam[0].upper() + kind.seam[1:],
+                "summary": kind.summary,
+                "remark": kind.remark,
+                "target": kind.target,
+                "targets": good,
+                "reason": reason,
+                "lasting": kind.lasting,
+                "counted": kind.counted,
+                "parameters": [
+                    {**shown, "allowed": one.allowed}
+                    for shown, one in zip(_listed(plain["parameters"]), kind.parameters, strict=True)
+                ],
+            }
+        )
     return found
 
 

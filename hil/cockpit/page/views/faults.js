@@ -16,7 +16,7 @@ const WHEN = {
 class FaultView {
   constructor(context) {
     this.context = context;
-    this.search = h("input", { type: "search", placeholder: "limit switch, heartbeat, encoder \u2026", ariaLabel: "Search faults", oninput: () => this.#filter() });
+    this.search = h("input.find", { type: "search", placeholder: "limit switch, heartbeat, encoder \u2026", ariaLabel: "Search faults", oninput: () => this.#filter() });
     this.possible = h("input", { type: "checkbox", checked: false, onchange: () => this.#filter() });
     this.found = h("span.note", { role: "status" }, "");
     this.list = h("div.catalogue", { role: "listbox", ariaLabel: "Kinds of faults", tabIndex: 0, onkeydown: (event) => this.#walk(event) });
@@ -82,7 +82,7 @@ class FaultView {
         continue;
       }
       const fault = this.catalogue.find((one) => this.options.get(one.name) === element);
-      const all = `${fault.name} ${fault.family} ${fault.summary} ${fault.remark} ${fault.parameters.map((one) => `${one.name} ${one.summary}`).join(" ")}`.toLowerCase();
+      const all = `${fault.name} ${fault.family} ${fault.summary} ${fault.remark}`.toLowerCase();
       const fits = words.every((word) => all.includes(word)) && !(this.possible.checked && fault.reason);
       show(element, fits);
       if (fits) {
@@ -121,11 +121,11 @@ class FaultView {
     const rows = fault.parameters.map((one) => {
       const input = this.#input(one);
       this.inputs.set(one.name, { input, parameter: one });
-      return h("div.parameter", {}, field(`${one.name}${one.required ? " *" : ""}`, input, one.unit), h("span.note", {}, `${one.summary}; ${one.allowed}${one.default === null ? "" : `, default ${one.default}`}`));
+      return h("div.parameter", {}, field(`${one.name}${one.required ? " *" : ""}`, input, one.unit), h("span.note", {}, `${one.summary}; ${one.allowed}${one.default === null || one.default === "" ? "" : `, default ${one.default}`}`.replaceAll("`", "")));
     });
     this.when = h("select", { onchange: () => this.#when() }, ...Object.entries(WHEN).map(([name, one]) => h("option", { value: name }, one.title)));
     this.whenFields = h("div.row", {});
-    this.duration = h("input", { type: "number", min: 0.001, step: "any", placeholder: "until taken back" });
+    this.duration = h("input.wide-number", { type: "number", min: 0.001, step: "any", placeholder: "until taken back" });
     this.count = h("input", { type: "number", min: 1, step: 1, placeholder: "no limit" });
     const arm = h("button.primary.operate", { type: "submit", disabled: Boolean(fault.reason) }, "Inject");
     this.button = arm;
@@ -145,8 +145,8 @@ class FaultView {
   }
 
   #input(parameter) {
-    if (parameter.type === "bool") return h("select", {}, h("option", { value: "" }, "default"), h("option", { value: "true" }, "true"), h("option", { value: "false" }, "false"));
-    if (parameter.range && parameter.type === "text") return h("select", {}, h("option", { value: "" }, "default"), ...parameter.range.map((one) => h("option", { value: one }, one)));
+    if (parameter.type === "bool") return h("select", {}, parameter.required ? null : h("option", { value: "" }, "default"), h("option", { value: "true" }, "true"), h("option", { value: "false" }, "false"));
+    if (parameter.range && parameter.type === "text") return h("select", { required: parameter.required }, parameter.required ? null : h("option", { value: "" }, "default"), ...parameter.range.map((one) => h("option", { value: one }, one)));
     if (parameter.type === "text") return h("input", { type: "text", required: parameter.required });
     const input = h("input", { type: "text", inputMode: "decimal", required: parameter.required, autocomplete: "off" });
     if (parameter.default !== null) input.placeholder = String(parameter.default);

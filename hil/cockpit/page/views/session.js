@@ -9,7 +9,7 @@ class SessionView {
     this.lines = h("tbody", {});
     this.none = h("p.note", {}, "Nothing has been done yet. Commands to axes, faults and written objects are recorded from the start of the bench on.");
     this.table = h("div.scroll", { tabIndex: 0, role: "region", ariaLabel: "Steps" }, h("table.steps", {}, h("thead", {}, h("tr", {}, h("th.right", {}, "No."), h("th.right", {}, "Bench time"), h("th", {}, "Step"))), this.lines));
-    this.name = h("input", { type: "text", value: "session", required: true, maxLength: 80, pattern: "[\\w .,()\\/+\\-]+", spellcheck: false });
+    this.name = h("input", { type: "text", value: "session", required: true, maxLength: 80, spellcheck: false });
     this.title = h("input.wide", { type: "text", maxLength: 200, placeholder: "made from the faults and alarms" });
     this.notes = h("ul.notes", {});
     this.text = h("pre.code", { tabIndex: 0, role: "region", ariaLabel: "Written test" });
