@@ -7,6 +7,7 @@ from __future__ import annotations
 from fieldbus.ads.codes import (
     NC_PORT,
     PLC_PORT,
+    SYSTEM_PORT,
     TCP_PORT,
     TYPES,
     AdsError,
@@ -18,11 +19,12 @@ from fieldbus.ads.codes import (
 from fieldbus.ads.frames import Frame, FrameReader, MalformedFrameError, net_id
 from fieldbus.ads.server import AdsServer
 from fieldbus.ads.session import AdsSession, Port
-from fieldbus.ads.symbols import Area, Memory, Symbol, variable
+from fieldbus.ads.symbols import Area, Member, Memory, Structure, Symbol, size_of, variable
 
 __all__ = [
     "NC_PORT",
     "PLC_PORT",
+    "SYSTEM_PORT",
     "TCP_PORT",
     "TYPES",
     "AdsError",
@@ -35,10 +37,13 @@ __all__ = [
     "FrameReader",
     "Group",
     "MalformedFrameError",
+    "Member",
     "Memory",
     "Port",
+    "Structure",
     "Symbol",
     "TransMode",
     "net_id",
+    "size_of",
     "variable",
 ]

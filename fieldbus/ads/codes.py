@@ -15,6 +15,8 @@ PLC_PORT: Final = 851
 """AMS port of the first PLC."""
 NC_PORT: Final = 501
 """AMS port of the SAF task of the NC."""
+SYSTEM_PORT: Final = 10_000
+"""AMS port of the system service."""
 
 
 class Command(IntEnum):
@@ -44,10 +46,17 @@ class Group(IntEnum):
     SYMBOL_INFO_BY_NAME_EX = 0xF009
     SYMBOL_UPLOAD = 0xF00B
     SYMBOL_UPLOAD_INFO = 0xF00C
+    DATA_TYPE_UPLOAD = 0xF00E
     SYMBOL_UPLOAD_INFO_2 = 0xF00F
+    DATA_TYPE_INFO_BY_NAME_EX = 0xF011
     SUM_READ = 0xF080
     SUM_WRITE = 0xF081
     SUM_READ_WRITE = 0xF082
+    SUM_READ_EX = 0xF083
+    SUM_READ_EX_2 = 0xF084
+    SUM_ADD_NOTIFICATION = 0xF085
+    SUM_DELETE_NOTIFICATION = 0xF086
+    DEVICE_DATA = 0xF100
 
 
 class AdsError(IntEnum):

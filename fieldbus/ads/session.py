@@ -7,6 +7,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from struct import Struct
 from typing import Final
 
@@ -19,18 +20,21 @@ _TWO: Final = Struct("<II")
 _ONE: Final = Struct("<I")
 _INFO: Final = Struct("<IBBH16s")
 _STATE: Final = Struct("<IHH")
+_DEVICE_STATE: Final = Struct("<HH")
 _CONTROL: Final = Struct("<HHI")
 _NOTIFICATION: Final = Struct("<IIIIII16s")
 _READ_WRITE: Final = Struct("<IIII")
 _STAMP: Final = Struct("<IIQI")
 _EPOCH: Final = 125_911_584_000_000_000
 """2000-01-01 as a file time, 100 ns."""
+_WATCHED: Final = (Group.PLC_DATA, Group.DEVICE_DATA, Group.SYMBOL_VERSION)
+"""Groups whose values a notification may be about, besides those of handles."""
 MOST_HANDLES: Final = 1024
 MOST_NOTIFICATIONS: Final = 512
 MOST_IN_SUM: Final = 500
 """Requests in one sum command."""
 MOST_READ: Final = 1 << 20
-"""Bytes that one request may read."""
+"""Bytes that the answers of a sum may have."""
 
 
 @dataclass(frozen=True)
@@ -54,9 +58,7 @@ class Port:
 @dataclass
 class _Notification:
     frame: Frame
-    memory: Memory
-    offset: int
-    length: int
+    read: Callable[[], bytes | AdsError]
     mode: int
     cycle_ns: int
     due_ns: int = 0
@@ -131,8 +133,7 @@ class AdsSession:
                 return self._add_notification(frame, port)
             case Command.DELETE_NOTIFICATION:
                 (handle,) = _ONE.unpack(data)
-                known = self._notifications.pop(handle, None) is not None
-                return _ONE.pack(0 if known else AdsError.NOTIFICATION_HANDLE_INVALID)
+                return _ONE.pack(self._delete_notification(handle))
             case Command.READ_WRITE:
                 group, offset, length, size = _READ_WRITE.unpack_from(data)
                 values = data[_READ_WRITE.size :]
@@ -144,8 +145,6 @@ class AdsSession:
     # -- reading and writing --------------------------------------------------------------------------------
 
     def _read(self, frame: Frame, port: Port, group: int, offset: int, length: int) -> bytes | AdsError:
-        if length > MOST_READ:
-            return AdsError.INVALID_SIZE
         memory = port.memory
         match group:
             case Group.PLC_DATA:
@@ -164,7 +163,15 @@ class AdsSession:
             case Group.SYMBOL_UPLOAD_INFO:
                 return _upload_info(memory)[:length]
             case Group.SYMBOL_UPLOAD_INFO_2:
-                return (_upload_info(memory) + bytes(16))[:length]
+                return (_upload_info(memory) + _types_info(memory) + bytes(8))[:length]
+            case Group.DEVICE_DATA:
+                state = _DEVICE_STATE.pack(port.state(), 0)
+                if offset >= len(state):
+                    return AdsError.INVALID_OFFSET
+                found = state[offset : offset + length]
+                return found if len(found) == length else AdsError.INVALID_SIZE
+            case Group.DATA_TYPE_UPLOAD:
+                return b"".join(memory.types)[:length]
         return AdsError.INVALID_GROUP
 
     def _write(self, frame: Frame, port: Port, group: int, offset: int, data: bytes) -> int:
@@ -187,9 +194,7 @@ class AdsSession:
     def _read_write(
         self, frame: Frame, port: Port, address: tuple[int, int, int], data: bytes
     ) -> bytes | AdsError:
-        group, offset, length = address
-        if length > MOST_READ:
-            return AdsError.INVALID_SIZE
+        group, offset, length = address  # clients ask for more than there is, up to FFFFFFFFh
         match group:
             case Group.SYMBOL_HANDLE_BY_NAME:
                 return self._handle(frame, port, data)
@@ -206,12 +211,19 @@ class AdsSession:
             case Group.SYMBOL_INFO_BY_NAME_EX:
                 symbol = port.memory.find(_name(data))
                 return AdsError.SYMBOL_NOT_FOUND if symbol is None else symbol.entry()[:length]
-            case Group.SUM_READ:
-                return self._sum_read(frame, port, offset, data)
+            case Group.DATA_TYPE_INFO_BY_NAME_EX:
+                entry = port.memory.find_type(_name(data))
+                return AdsError.SYMBOL_NOT_FOUND if entry is None else entry[:length]
+            case Group.SUM_READ | Group.SUM_READ_EX | Group.SUM_READ_EX_2:
+                return self._sum_read(frame, port, group, (offset, data))
             case Group.SUM_WRITE:
                 return self._sum_write(frame, port, offset, data)
             case Group.SUM_READ_WRITE:
                 return self._sum_read_write(frame, port, offset, data)
+            case Group.SUM_ADD_NOTIFICATION:
+                return self._sum_add(frame, port, offset, data)
+            case Group.SUM_DELETE_NOTIFICATION:
+                return self._sum_delete(offset, data)
         return AdsError.INVALID_GROUP
 
     def _handle(self, frame: Frame, port: Port, data: bytes) -> bytes | AdsError:
@@ -226,18 +238,24 @@ class AdsSession:
 
     # -- sum commands ---------------------------------------------------------------------------------------
 
-    def _sum_read(self, frame: Frame, port: Port, number: int, data: bytes) -> bytes | AdsError:
+    def _sum_read(self, frame: Frame, port: Port, group: int, asked: tuple[int, bytes]) -> bytes | AdsError:
+        """Read several values: their codes, then the values.
+
+        The group says how long each of them is: as asked for, with the length that was read at its code, or
+        as long as it was read.
+        """
+        number, data = asked
         if not 0 < number <= MOST_IN_SUM or len(data) != number * _ADDRESS.size:
             return AdsError.INVALID_SIZE
         codes, values, total = [], [], 0
-        for group, offset, length in _ADDRESS.iter_unpack(data):
+        for one, offset, length in _ADDRESS.iter_unpack(data):
             total += length
             if total > MOST_READ:
                 return AdsError.INVALID_SIZE
-            found = self._read(frame, port, group, offset, length)
-            failed = isinstance(found, AdsError)
-            codes.append(_ONE.pack(found if isinstance(found, AdsError) else 0))
-            values.append(bytes(length) if failed else bytes(found).ljust(length, b"\0"))
+            found = self._read(frame, port, one, offset, length)
+            code, value = (found, b"") if isinstance(found, AdsError) else (0, found)
+            codes.append(_ONE.pack(code) if group == Group.SUM_READ else _TWO.pack(code, len(value)))
+            values.append(value if group == Group.SUM_READ_EX_2 else value.ljust(length, b"\0"))
         return b"".join((*codes, *values))
 
     def _sum_write(self, frame: Frame, port: Port, number: int, data: bytes) -> bytes | AdsError:
@@ -264,7 +282,7 @@ class AdsSession:
         for group, offset, length, size in requests:
             given = data[place : place + size]
             place += size
-            nested = group in (Group.SUM_READ, Group.SUM_WRITE, Group.SUM_READ_WRITE)
+            nested = Group.SUM_READ <= group <= Group.SUM_DELETE_NOTIFICATION
             found = (
                 AdsError.INVALID_GROUP
                 if nested
@@ -280,6 +298,19 @@ class AdsSession:
             values.append(found)
         return b"".join((*heads, *values))
 
+    def _sum_add(self, frame: Frame, port: Port, number: int, data: bytes) -> bytes | AdsError:
+        if not 0 < number <= MOST_IN_SUM or len(data) != number * _NOTIFICATION.size:
+            return AdsError.INVALID_SIZE
+        return b"".join(
+            self._add_notification(frame._replace(data=data[place : place + _NOTIFICATION.size]), port)
+            for place in range(0, len(data), _NOTIFICATION.size)
+        )
+
+    def _sum_delete(self, number: int, data: bytes) -> bytes | AdsError:
+        if not 0 < number <= MOST_IN_SUM or len(data) != number * _ONE.size:
+            return AdsError.INVALID_SIZE
+        return b"".join(_ONE.pack(self._delete_notification(handle)) for (handle,) in _ONE.iter_unpack(data))
+
     # -- notifications --------------------------------------------------------------------------------------
 
     def _add_notification(self, frame: Frame, port: Port) -> bytes:
@@ -292,19 +323,22 @@ class AdsSession:
                 return _TWO.pack(AdsError.SYMBOL_NOT_FOUND, 0)
             if length > symbol.size:
                 return _TWO.pack(AdsError.INVALID_SIZE, 0)
-            offset = symbol.offset
-        elif group != Group.PLC_DATA:
+            group, offset = Group.PLC_DATA, symbol.offset  # the handle may be released
+        elif group not in _WATCHED:
             return _TWO.pack(AdsError.INVALID_GROUP, 0)
-        value = port.memory.read(offset, length)
+        read = partial(self._read, frame, port, group, offset, length)
+        value = read()
         if isinstance(value, AdsError):
             return _TWO.pack(value, 0)
         if len(self._notifications) >= MOST_NOTIFICATIONS:
             return _TWO.pack(AdsError.NO_MORE_HANDLES, 0)
         self._count += 1
-        self._notifications[self._count] = _Notification(
-            frame, port.memory, offset, length, mode, cycle * 100
-        )
+        self._notifications[self._count] = _Notification(frame, read, mode, cycle * 100)
         return _TWO.pack(0, self._count)
+
+    def _delete_notification(self, handle: int) -> int:
+        known = self._notifications.pop(handle, None) is not None
+        return 0 if known else AdsError.NOTIFICATION_HANDLE_INVALID
 
     def sample(self, now_ns: int) -> None:
         """Look at what notifications are about, once per cycle of the controller, and send what is due.
@@ -316,7 +350,7 @@ class AdsSession:
         for handle, one in self._notifications.items():
             if now_ns < one.due_ns:
                 continue
-            value = one.memory.read(one.offset, one.length)
+            value = one.read()
             if isinstance(value, AdsError):
                 continue
             changed = value != one.last
@@ -347,6 +381,11 @@ def _name(data: bytes) -> str:
 
 def _upload_info(memory: Memory) -> bytes:
     return _TWO.pack(len(memory.symbols), sum(len(symbol.entry()) for symbol in memory.symbols))
+
+
+def _types_info(memory: Memory) -> bytes:
+    types = memory.types
+    return _TWO.pack(len(types), sum(map(len, types)))
 
 
 __all__ = ["AdsSession", "AdsState", "Port"]

@@ -5,12 +5,16 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
-from struct import Struct
+from struct import Struct, calcsize
 from typing import Final
 
 from fieldbus.ads.codes import BIG, TYPES, AdsError, Group
 
 _ENTRY: Final = Struct("<IIIIIIHHH")
+_TYPE_ENTRY: Final = Struct("<IIIIIIIIHHHHH")
+_IS_TYPE: Final = 0x1
+_IS_MEMBER: Final = 0x2
+_TYPE_VERSION: Final = 1
 _ALIGN: Final = 8
 
 
@@ -49,17 +53,84 @@ class Symbol:
 
     def entry(self) -> bytes:
         """Return its entry in the symbol table."""
-        texts = [one.encode("latin-1", "replace") for one in (self.name, self.type_name, self.comment)]
-        tail = b"".join(one + b"\0" for one in texts)
+        lengths, tail = _texts(self.name, self.type_name, self.comment)
         size = -(-(_ENTRY.size + len(tail)) // _ALIGN) * _ALIGN
-        head = _ENTRY.pack(
-            size, Group.PLC_DATA, self.offset, self.size, self.type_number, 0x8, *map(len, texts)
-        )
+        head = _ENTRY.pack(size, Group.PLC_DATA, self.offset, self.size, self.type_number, 0x8, *lengths)
         return (head + tail).ljust(size, b"\0")
 
 
+@dataclass(frozen=True)
+class Member:
+    """A member of a structure: name, type of IEC 61131-3, and place in it, byte."""
+
+    name: str
+    type_name: str
+    offset: int
+
+
+def _texts(*texts: str) -> tuple[list[int], bytes]:
+    """Return the lengths of texts, and the texts as an entry has them."""
+    coded = [one.encode("latin-1", "replace") for one in texts]
+    return [len(one) for one in coded], b"".join(one + b"\0" for one in coded)
+
+
+def _type_entry(
+    name: str, type_name: str, *, size: int, offset: int, flags: int, members: tuple[bytes, ...] = ()
+) -> bytes:
+    """Return an entry of the table of data types, with those of its members behind it."""
+    known = TYPES.get(type_name or name)
+    lengths, texts = _texts(name, type_name, "")
+    tail = texts + b"".join(members)
+    whole = -(-(_TYPE_ENTRY.size + len(tail)) // _ALIGN) * _ALIGN
+    head = _TYPE_ENTRY.pack(
+        whole,
+        _TYPE_VERSION,
+        0,
+        0,
+        size,
+        offset,
+        BIG if known is None else known.number,
+        flags,
+        *lengths,
+        0,
+        len(members),
+    )
+    return (head + tail).ljust(whole, b"\0")
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A data type with members.
+
+    Args:
+        name: Its name.
+        size: Its bytes.
+        members: What it has.
+
+    """
+
+    name: str
+    size: int
+    members: tuple[Member, ...]
+
+    def entry(self) -> bytes:
+        """Return its entry in the table of data types."""
+        members = tuple(
+            _type_entry(
+                one.name, one.type_name, size=size_of(one.type_name), offset=one.offset, flags=_IS_MEMBER
+            )
+            for one in self.members
+        )
+        return _type_entry(self.name, "", size=self.size, offset=0, flags=_IS_TYPE, members=members)
+
+
+def size_of(type_name: str) -> int:
+    """Return the bytes of a type of IEC 61131-3, one of `TYPES`."""
+    return calcsize("<" + TYPES[type_name].format)
+
+
 class Memory:
-    """Memory of one AMS port, with its symbols."""
+    """Memory of one AMS port, with its symbols and their data types."""
 
     def __init__(self) -> None:
         self._starts: list[int] = []
@@ -67,6 +138,9 @@ class Memory:
         self._end = 0
         self.symbols: list[Symbol] = []
         self._by_name: dict[str, Symbol] = {}
+        self._types = {
+            name: _type_entry(name, "", size=size_of(name), offset=0, flags=_IS_TYPE) for name in TYPES
+        }
 
     def add(self, area: Area) -> int:
         """Add an area behind the others; returns its offset."""
@@ -81,6 +155,19 @@ class Memory:
         """Add a symbol; upper and lower case are the same."""
         self.symbols.append(symbol)
         self._by_name[symbol.name.upper()] = symbol
+
+    def declare(self, structure: Structure) -> None:
+        """Add a data type; a second one of the same name takes its place."""
+        self._types[structure.name.upper()] = structure.entry()
+
+    @property
+    def types(self) -> list[bytes]:
+        """Entries of the table of data types: those of IEC 61131-3, then the structures."""
+        return list(self._types.values())
+
+    def find_type(self, name: str) -> bytes | None:
+        """Return the entry of a data type by its name; None: there is none."""
+        return self._types.get(name.upper())
 
     def find(self, name: str) -> Symbol | None:
         """Return a symbol by its name; None: there is none."""

@@ -65,7 +65,7 @@ def run_panel(bench: str, *, axis: str, monitoring_s: float, plot: Path, stdin: 
 def _session(machine: Bench, axis: str, *, monitoring_s: float, plot: Path) -> PanelSession | NcPanelSession:
     """Return the panel that an axis has by its make."""
     if (axis or next(iter(machine.config.axis), "")) in machine.nc_axis_names:
-        return NcPanelSession(machine, axis, write=_tell)
+        return NcPanelSession(machine.axis(axis or None, controller="nc"), time=machine, write=_tell)
     return PanelSession(machine, axis, monitoring_s=monitoring_s, plot=plot, write=_tell, advise=_advise)
 
 

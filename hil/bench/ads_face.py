@@ -8,7 +8,21 @@ import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
-from fieldbus.ads import NC_PORT, PLC_PORT, AdsError, AdsState, Area, Memory, Port, Symbol, variable
+from fieldbus.ads import (
+    NC_PORT,
+    PLC_PORT,
+    SYSTEM_PORT,
+    AdsError,
+    AdsState,
+    Area,
+    Member,
+    Memory,
+    Port,
+    Structure,
+    Symbol,
+    size_of,
+    variable,
+)
 from fieldbus.errors import ConfigurationError
 from motion.nc.blocks import (
     MC_Halt,
@@ -135,6 +149,7 @@ def ads_ports(nc: NcRuntime, axes: Mapping[str, NcAxisHandle]) -> dict[int, Port
             plc, lambda: AdsState.RUN if nc.plc_running else AdsState.STOP, _control(nc), "Plc30 App"
         ),
         NC_PORT: Port(online, lambda: AdsState.RUN, _refuse, "TCNC"),
+        SYSTEM_PORT: Port(Memory(), lambda: AdsState.RUN, _refuse, "TwinCAT System"),
     }
 
 
@@ -154,6 +169,11 @@ def _refuse(state: int) -> int:
 
 def _images(memory: Memory, name: str, axis: NcAxisHandle) -> None:
     ref = axis.ref
+    for kind, size, listed in (
+        ("PLCTONC_AXIS_REF", PLC_TO_NC_SIZE, PLC_TO_NC),
+        ("NCTOPLC_AXIS_REF", NC_TO_PLC_SIZE, NC_TO_PLC),
+    ):
+        memory.declare(Structure(kind, size, tuple(Member(*one) for one in listed)))
 
     def write(image: bytes) -> int:
         given = PlcToNc()
@@ -173,8 +193,7 @@ def _images(memory: Memory, name: str, axis: NcAxisHandle) -> None:
         offset = memory.add(area)
         memory.name(Symbol(f"{name}.{part}", kind, offset, area.size))
         for member, type_name, place in members:
-            size = {"BYTE": 1, "UINT": 2, "LREAL": 8}.get(type_name, 4)
-            memory.name(Symbol(f"{name}.{part}.{member}", type_name, offset + place, size))
+            memory.name(Symbol(f"{name}.{part}.{member}", type_name, offset + place, size_of(type_name)))
     for member, bit in STATUS_BITS.items():
         variable(memory, f"{name}.Status.{member}", "BOOL", _bit(axis, int(bit)))
 

@@ -276,7 +276,7 @@ class NcDesk:
         self._bench = bench
         self._said = _Said()
         self._axis = bench.axis(name, controller="nc")
-        self._session = NcPanelSession(bench, name, write=self._said.add)
+        self._session = NcPanelSession(bench.axis(name, controller="nc"), time=bench, write=self._said.add)
         self.commands = _offered(self._session)
         self._beat_s = bench.now_s
         self._jogs = 0.0

@@ -203,7 +203,10 @@ def _part_problem(velocity: Signal, position: Signal, entry: float | None) -> tu
             continue
         first = int(np.searchsorted(position.time_s, begin))
         displacement = np.abs(position.values[first:] - position.values[first])
-        moved = np.flatnonzero(displacement > rest_travel)
+        # Without friction a machine coasts on, however slowly it moved.
+        creep = float(speed[(times >= begin) & (times <= begin + _REST_S)].min())
+        coasted = creep * (position.time_s[first:] - begin)
+        moved = np.flatnonzero(displacement > rest_travel + coasted)
         if len(moved):
             when, distance = float(position.time_s[first + moved[0]]), float(displacement[moved[0]])
             return when, f"moved by {distance:.4g} {position.unit} after coming to rest at {begin:.6f} s"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 from fieldbus.errors import ConfigurationError
 from hil.panel._words import help_lines, parse
@@ -11,7 +11,6 @@ from motion.nc.blocks import JogMode, MC_Home, MC_Jog, MC_MoveAbsolute, MC_Stop
 from motion.nc.errors import error_text
 
 if TYPE_CHECKING:
-    from hil.bench.bench import Bench
     from motion.nc.blocks import ExecuteBlock
     from motion.nc.handles import NcAxisHandle
     from motion.nc.online import OnlineView
@@ -28,12 +27,33 @@ _JOGS: Final = {
 """Key -> velocity, and whether it moves in negative direction (NC-232 to NC-235)."""
 
 
+class BenchTime(Protocol):
+    """Time of a bench, and its cycles."""
+
+    @property
+    def now_s(self) -> float:
+        """Time of the bench, s."""
+
+    @property
+    def cycle_ns(self) -> int:
+        """Cycle of the bus, ns."""
+
+    def run_for(self, seconds: float) -> None:
+        """Let time pass."""
+
+    def run_until(self, predicate: Callable[[], object], timeout: float) -> bool:
+        """Let time pass until a condition holds; returns whether it did within `timeout`, s."""
+
+    def on_cycle(self, callback: Callable[[], object]) -> Callable[[], None]:
+        """Call a function at the end of every cycle; returns what ends that."""
+
+
 class NcPanelSession:
-    """The commands of a panel on one NC axis of a bench.
+    """The commands of a panel on one NC axis.
 
     Args:
-        bench: A bench that has been brought up.
-        axis: Name of the axis; empty for the only one.
+        axis: The axis, on a bench that has been brought up.
+        time: Time of the bench.
         write: Takes what is to be shown.
 
     """
@@ -41,9 +61,9 @@ class NcPanelSession:
     keys: Final[Mapping[str, str]] = {key: key for key in ("f1", "f2", "f3", "f4", "f5", "f6", "f8", "f9")}
     """Function keys of a terminal, and the commands that they give."""
 
-    def __init__(self, bench: Bench, axis: str, *, write: Callable[[str], object]) -> None:
-        self._bench = bench
-        self._axis: NcAxisHandle = bench.axis(axis or None, controller="nc")
+    def __init__(self, axis: NcAxisHandle, *, time: BenchTime, write: Callable[[str], object]) -> None:
+        self._axis = axis
+        self._time = time
         self._write = write
         self.ended = False
         self._seen: object = None
@@ -56,7 +76,7 @@ class NcPanelSession:
         self._target = self._axis.position
         self._velocity = float(self._number("axis.manual_velocity_slow"))
         self._dynamics = dict.fromkeys(("Acceleration", "Deceleration", "Jerk"), 0.0)
-        self._untrack = bench.on_cycle(self._track)
+        self._untrack = time.on_cycle(self._track)
         unit = self._unit = str(self._axis.read_parameter("axis.unit"))
         self.commands: dict[str, tuple[str, str, Callable[..., object]]] = {
             "enable": ("[OVERRIDE]", "controller and both feed enables, override in % (100)", self._enable),
@@ -194,7 +214,7 @@ class NcPanelSession:
 
     def line(self) -> str:
         """Return the state of the axis in one line."""
-        return "  ".join([f"{self._bench.now_s:9.3f} s", self._log_status(), *self.values(), *self.notes()])
+        return "  ".join([f"{self._time.now_s:9.3f} s", self._log_status(), *self.values(), *self.notes()])
 
     def changed(self) -> bool:
         """Return whether something has happened since the last call that no line was typed for."""
@@ -219,14 +239,14 @@ class NcPanelSession:
 
     def let_pass(self, cycles: int = _AFTER_COMMAND) -> None:
         """Let some cycles pass."""
-        self._bench.run_for(cycles * self._bench.cycle_ns * 1e-9)
+        self._time.run_for(cycles * self._time.cycle_ns * 1e-9)
 
     def close(self) -> None:
         """Stop the axis and take its enables away."""
         self._release()
         if self._axis.operational:
             self._stops()
-            self._bench.run_until(lambda: self._axis.object.motion.standing, timeout=10.0)
+            self._time.run_until(lambda: self._axis.object.motion.standing, timeout=10.0)
         self._axis.power(False, positive=False, negative=False)
         self.let_pass()
         self._untrack()
@@ -298,7 +318,7 @@ class NcPanelSession:
     def _wait(self, seconds: float) -> None:
         if not 0.0 <= seconds <= _LONGEST_S:
             raise ConfigurationError("wait", seconds, f"0 to {_LONGEST_S:g} s")
-        self._bench.run_for(seconds)
+        self._time.run_for(seconds)
 
     def _quit(self) -> None:
         self.ended = True

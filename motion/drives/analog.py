@@ -24,7 +24,7 @@ from typing_extensions import override
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive.words import STW1, ZSW1
 from motion.drives._link import LinkConfig, LinkedPort
-from motion.drives.station import StationLink
+from motion.drives.station import StationAnswers, StationLink
 
 if TYPE_CHECKING:
     from fieldbus.history import History
@@ -89,16 +89,14 @@ class AnalogPort(LinkedPort):
     """
 
     __slots__ = (
+        "_answers",
         "_config",
-        "_counter",
         "_enable",
         "_ready",
         "_reference",
-        "_seen",
         "_setpoint",
         "_station",
         "_stw1",
-        "_was_ok",
     )
 
     reports_stop = False
@@ -127,10 +125,8 @@ class AnalogPort(LinkedPort):
         self._config = config
         self._reference = config.reference_speed_rpm
         self._setpoint, self._enable, self._ready = config.setpoint, config.enable, config.ready
-        self._counter = config.counter
-        self._seen = station.answers
+        self._answers = StationAnswers(station, config.counter)
         self._stw1 = 0
-        self._was_ok = False
         self.enter_service()
 
     @override
@@ -140,38 +136,33 @@ class AnalogPort(LinkedPort):
     @property
     def started(self) -> bool:
         """The station has answered."""
-        return self._station.answers > 0
+        return self._answers.started
 
     @property
     @override
     def delay_ns(self) -> int:
-        # The setpoint is there at once, so that its middle counts.
-        return self._cycle_ns * 3 // 2
+        return self._answers.delay_ns(self._cycle_ns)
 
     @override
     def read(self) -> None:
-        station = self._station
-        fresh = station.answers != self._seen
-        self._seen = station.answers
-        alive = self._judge(fresh)
-        if alive and not self._was_ok:
-            self.drive_restarted()  # nobody knows what the counter has missed
-        self._was_ok = alive
+        answers = self._answers
+        alive = self._judge(answers.fresh())
+        if answers.returned(alive):
+            self.drive_restarted()
         if not alive:
             return
         stw1 = self._stw1
         zsw1 = _REQUESTED | (stw1 & _STOPS) << _OFF_SHIFT
         if stw1 & _OPERATE == _OPERATE:
             zsw1 |= _READY
-            if self._ready is None or station.input(self._ready):
+            if self._ready is None or self._station.input(self._ready):
                 zsw1 |= _OPERATING
         elif stw1 & _STOPS == _STOPS:
             zsw1 |= _READY_TO_SWITCH_ON
         else:
             zsw1 |= _INHIBITED
         self.zsw1 = zsw1
-        if self._counter is not None:
-            self.encoder_increments = station.counters[self._counter]
+        self.encoder_increments = answers.increments(self.encoder_increments)
 
     @override
     def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:

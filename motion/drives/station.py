@@ -181,3 +181,55 @@ class StationInputs:
                 inputs |= bit
         port.inputs = inputs
         return self._link.ok
+
+
+class StationAnswers:
+    """What a port at a station sees of its exchange: whether there was an answer since the last cycle, and
+    what the answers mean for the counter of its drive.
+
+    Outputs are written and inputs sampled in the same exchange, and seen one cycle later.
+
+    Args:
+        station: Where the drive is wired to.
+        counter: Number of the counter of its encoder; None: there is none.
+
+    """
+
+    __slots__ = ("_counter", "_seen", "_station", "_was_ok")
+
+    def __init__(self, station: StationLink, counter: int | None) -> None:
+        self._station = station
+        self._counter = counter
+        self._seen = station.answers
+        self._was_ok = False
+
+    @property
+    def started(self) -> bool:
+        """The station has answered."""
+        return self._station.answers > 0
+
+    @staticmethod
+    def delay_ns(cycle_ns: int) -> int:
+        """Return the delay from a setpoint to the actual value that shows it, ns; the setpoint is there at
+        once, so that its middle counts.
+        """
+        return cycle_ns * 3 // 2
+
+    def fresh(self) -> bool:
+        """Return whether the station has answered since the last call."""
+        answers = self._station.answers
+        fresh = answers != self._seen
+        self._seen = answers
+        return fresh
+
+    def returned(self, alive: bool) -> bool:
+        """Take note of whether the drive is in reach; returns whether it is so again: nobody knows what the
+        counter has missed.
+        """
+        returned = alive and not self._was_ok
+        self._was_ok = alive
+        return returned
+
+    def increments(self, before: int) -> int:
+        """Return the counter of the encoder; without one what was there before."""
+        return before if self._counter is None else self._station.counters[self._counter]

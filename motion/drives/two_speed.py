@@ -14,6 +14,7 @@ from typing_extensions import override
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive.words import STW1, ZSW1
 from motion.drives._link import LinkConfig, LinkedPort
+from motion.drives.station import StationAnswers
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -72,7 +73,7 @@ class TwoSpeedPort(LinkedPort):
 
     """
 
-    __slots__ = ("_counter", "_image", "_seen", "_station", "_stw1", "_was_ok", "_wires")
+    __slots__ = ("_answers", "_image", "_station", "_stw1", "_wires")
 
     reports_stop = False
 
@@ -98,38 +99,32 @@ class TwoSpeedPort(LinkedPort):
             raise ConfigurationError(f"{name}: counter", config.counter, f"0..{image.counters - 1}")
         self._wires = tuple(wires)
         self._station = station
-        self._counter = config.counter
-        self._seen = station.answers
+        self._answers = StationAnswers(station, config.counter)
         self._stw1 = 0
         self._image = bytes(8) + bytes((_STANDS, _STANDS, 0, 0))
-        self._was_ok = False
         self.enter_service()
 
     @property
     def started(self) -> bool:
         """The station has answered."""
-        return self._station.answers > 0
+        return self._answers.started
 
     @property
     @override
     def delay_ns(self) -> int:
-        return self._cycle_ns * 3 // 2
+        return self._answers.delay_ns(self._cycle_ns)
 
     @override
     def read(self) -> None:
-        station = self._station
-        fresh = station.answers != self._seen
-        self._seen = station.answers
-        alive = self._judge(fresh)
-        if alive and not self._was_ok:
-            self.drive_restarted()  # nobody knows what the counter has missed
-        self._was_ok = alive
+        answers = self._answers
+        alive = self._judge(answers.fresh())
+        if answers.returned(alive):
+            self.drive_restarted()
         if not alive:
             return
         operate = self._stw1 & _OPERATE == _OPERATE
         self.zsw1 = _REQUESTED | (_OPERATING if operate else _READY_TO_SWITCH_ON)
-        if self._counter is not None:
-            self.encoder_increments = station.counters[self._counter]
+        self.encoder_increments = answers.increments(self.encoder_increments)
 
     @override
     def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import floor
 from typing import TYPE_CHECKING, Final
 
-from motion.nc.commands import CONTINUOUS, ENDLESS, POSITION, STOP, BufferMode, Command, CommandState
+from motion.nc.commands import ENDLESS, POSITION, STOP, BufferMode, Command, CommandState
 from motion.nc.controller import Controller
 from motion.nc.coupling import Coupling
 from motion.nc.device import POSITION as POSITION_INTERFACE
@@ -339,6 +339,8 @@ class NcAxis:
             return STOP_ACTIVE
         if not command.velocity > 0.0:
             return VELOCITY_NOT_ALLOWED
+        if missing := self._feed_missing(command.target):
+            return missing
         self.superposed.start(command)
         return NO_ERROR
 
@@ -420,9 +422,8 @@ class NcAxis:
             if refused:
                 return refused
         start = motion.generator.s
-        if command.buffer_mode is not BufferMode.Aborting and motion.active is not None:
-            last = motion.queue[-1] if motion.queue else motion.active
-            start = last.target if last.kind in {POSITION, CONTINUOUS} else start
+        if command.buffer_mode is not BufferMode.Aborting:
+            start = motion.last_target
         if command.kind == ENDLESS:
             direction = command.target
         else:
@@ -433,15 +434,22 @@ class NcAxis:
                 return MOVEMENT_TOO_SMALL
             if outside := self._target_outside(start, target, direction):
                 return outside
-        if direction > 0.0 and not self.plc_to_nc.ControlDWord & _FEED_PLUS:
-            return NO_FEED_PLUS
-        if direction < 0.0 and not self.plc_to_nc.ControlDWord & _FEED_MINUS:
-            return NO_FEED_MINUS
+        if missing := self._feed_missing(direction):
+            return missing
         if command.kind == ENDLESS and not motion.limits_off:
             if direction > 0.0 and self._high_on.value and start > self._high.value:
                 return LIMIT_MAX_AT_START
             if direction < 0.0 and self._low_on.value and start < self._low.value:
                 return LIMIT_MIN_AT_START
+        return NO_ERROR
+
+    def _feed_missing(self, direction: float) -> int:
+        """Return the error code of a direction without feed enable; 0: there is one, or no direction."""
+        control = self.plc_to_nc.ControlDWord
+        if direction > 0.0 and not control & _FEED_PLUS:
+            return NO_FEED_PLUS
+        if direction < 0.0 and not control & _FEED_MINUS:
+            return NO_FEED_MINUS
         return NO_ERROR
 
     def _target_outside(self, start: float, target: float, direction: float) -> int:
@@ -695,7 +703,8 @@ class NcAxis:
             override = 1.0 if written >= FULL_OVERRIDE else written / FULL_OVERRIDE
             if override != motion.override:
                 motion.set_override(override)
-            self._watch_feed(control)
+                self.superposed.set_override()
+            self._watch_feed()
             if self.discrete is not None:
                 self._cycle_discrete(self.discrete, override)
             else:
@@ -840,30 +849,55 @@ class NcAxis:
         self.motion.place(self.encoder.position)
         self.following_error = 0.0
 
-    def _watch_feed(self, control: int) -> None:
-        """Stop a motion whose direction has lost its feed enable (NC-028, NC-029)."""
+    def _watch_feed(self) -> None:
+        """Stop a motion whose direction has lost its feed enable (NC-028, NC-029), or for the fast axis
+        stop.
+        """
         motion = self.motion
         velocity = motion.v
         active = motion.active
         if self.discrete is not None and active is not None:
             velocity = float(self.discrete.direction)
-        if self.fast_stop.step(self.device.fast_stop) and not motion.stopped and self.coupling.master is None:
+        if self.fast_stop.step(self.device.fast_stop) and (not motion.stopped or self._is_led):
             self._emit("axis.fast_stop")
-            self.superposed.abort(CommandState.ABORTED, NO_ERROR)
-            motion.stop(self.fast_stop.deceleration, self.fast_stop.jerk)
+            if self._let_go():
+                motion.stop(self.fast_stop.deceleration, self.fast_stop.jerk)
+            return
+        missing = self._feed_missing(velocity)
+        if not missing:
             return
         if self.coupling.master is not None:
-            if (velocity > 0.0 and not control & _FEED_PLUS) or (
-                velocity < 0.0 and not control & _FEED_MINUS
-            ):
-                self.raise_error(NO_FEED_PLUS if velocity > 0.0 else NO_FEED_MINUS)
-            return
-        if active is None or active.kind == STOP:
-            return
-        if (velocity > 0.0 and not control & _FEED_PLUS) or (velocity < 0.0 and not control & _FEED_MINUS):
-            error_id = NO_FEED_PLUS if velocity > 0.0 else NO_FEED_MINUS
-            self._emit("axis.feed_missing", error_id=error_id, text=error_text(error_id))
-            motion.stop(active.deceleration, active.jerk)
+            self.raise_error(missing)
+        elif self._is_led or (active is not None and active.kind != STOP):
+            self._emit("axis.feed_missing", error_id=missing, text=error_text(missing))
+            if self._let_go():
+                deceleration, jerk = self.stop_dynamics(0.0, 0.0)
+                if active is not None:
+                    deceleration, jerk = active.deceleration, active.jerk
+                motion.stop(deceleration, jerk)
+
+    @property
+    def _is_led(self) -> bool:
+        """Whether something else than a command moves the axis: master, path, external setpoints, superposed
+        motion.
+        """
+        return (
+            self.coupling.master is not None
+            or (self._group is not None and not self._group.stopping)
+            or self.external.enabled
+            or self.superposed.command is not None
+        )
+
+    def _let_go(self) -> bool:
+        """End whatever else than a command moves the axis; returns whether it has to brake by itself."""
+        if self._group is not None:
+            self._group.stop()
+            return False
+        if self.coupling.master is not None:
+            self.decouple()
+        self.external.cancel()
+        self.superposed.abort(CommandState.ABORTED, NO_ERROR)
+        return True
 
     def _control(self) -> None:
         motion, encoder, monitoring, drive = self.motion, self.encoder, self.monitoring, self.drive

@@ -522,7 +522,8 @@ class MC_MoveAdditive(MotionBlock):
         motion = self.Axis.axis.motion
         if not motion.has_target:
             return self._command_of(POSITION, target=self.Distance, relative=True)
-        return self._command_of(POSITION, target=motion.target + self.Distance)
+        last = motion.last_target if motion.queue and self.BufferMode else motion.target
+        return self._command_of(POSITION, target=last + self.Distance)
 
 
 class MC_MoveModulo(MotionBlock):
@@ -550,7 +551,7 @@ class MC_MoveModulo(MotionBlock):
             return BLOCK_PARAMETER
         try:
             way = modulo_move(
-                axis.motion.generator.s,
+                axis.motion.last_target if self.BufferMode else axis.motion.generator.s,
                 self.Position,
                 factor=axis.parameters.cell("enc.modulo_factor").value,
                 tolerance=axis.parameters.cell("enc.modulo_tolerance_window").value,

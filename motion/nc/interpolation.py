@@ -43,6 +43,10 @@ _NEAR: Final = 1e-6
 class AxisGroup(Protocol):
     """A group as its axes see it."""
 
+    @property
+    def stopping(self) -> bool:
+        """Whether it brakes on its path already."""
+
     def stop(self) -> None:
         """Brake on the path."""
 
@@ -444,6 +448,11 @@ class InterpolationGroup:
         if self.running and not self._stopping:
             self._stopping = True
             self._path.start_stop(self._deceleration, self._jerk)
+
+    @property
+    def stopping(self) -> bool:
+        """Whether it brakes on the path for a stop."""
+        return self._stopping
 
     def abort(self) -> None:
         """Let go of the axes at once."""

@@ -5,6 +5,7 @@ The profiles are those of `motion.setpoint`: seven phases with limited jerk (NC-
 
 from __future__ import annotations
 
+from math import cbrt, sqrt
 from typing import TYPE_CHECKING, Final
 
 from motion.nc.commands import CONTINUOUS, ENDLESS, POSITION, STOP, BufferMode, Command, CommandState
@@ -40,6 +41,8 @@ class Motion:
         """Override, 0 to 1; `set_override` changes it."""
         self._peak = 0.0
         self._direction = 0.0
+        self._passed = False
+        """The active command has passed its target, and goes on with its end velocity."""
         self._count = 0
         self.offset = 0.0
         """What external setpoints and superposed motions add to the position, position unit."""
@@ -116,6 +119,15 @@ class Motion:
         self.stopped = False
 
     @property
+    def last_target(self) -> float:
+        """Where the commands so far will have led, position unit: what a buffered one begins at."""
+        place = self.generator.s
+        for command in (*(() if self.active is None else (self.active,)), *self.queue):
+            if command.kind in {POSITION, CONTINUOUS}:
+                place = place + command.target if command.relative else command.target
+        return place
+
+    @property
     def locked(self) -> bool:
         """Whether a stop keeps the axis from other commands (`MotionCommandsLocked`)."""
         active = self.active
@@ -171,6 +183,7 @@ class Motion:
             self.new_target = True
         self._peak = 0.0
         self._direction = 0.0
+        self._passed = False
         if not self.plans:
             return
         if command.kind == STOP:
@@ -217,9 +230,11 @@ class Motion:
             generator.start_stop(deceleration, jerk)
         elif command.kind == POSITION or (command.kind == CONTINUOUS and command.end_velocity == 0.0):
             generator.start_position(command.target, velocity, acceleration, deceleration, jerk)
-        elif command.kind == CONTINUOUS:
+        elif command.kind == CONTINUOUS and not self._passed:
             self._plan_through(command, velocity)
         else:
+            if command.kind == CONTINUOUS:
+                velocity = command.end_velocity * self.override
             limit = self.limit_ahead(self._direction)
             if limit is None:
                 generator.start_velocity(self._direction * velocity, acceleration, deceleration, jerk)
@@ -262,6 +277,11 @@ class Motion:
         ahead = running.target - self.generator.s
         if following.kind not in {POSITION, CONTINUOUS} or way * ahead <= 0.0:
             return
+        if following.kind == POSITION:
+            # The target of the next one is not passed; two cycles are for the change at the joint.
+            deceleration, jerk = following.deceleration, following.jerk
+            room = abs(way) - 2.0 * self._cycle_s * _stoppable(abs(way), deceleration, jerk)
+            velocity = min(velocity, _stoppable(max(room, 0.0), deceleration, jerk))
         running.kind = CONTINUOUS
         running.end_velocity = velocity
         self.has_target = False
@@ -291,29 +311,35 @@ class Motion:
         generator, dt = self.generator, self._cycle_s
         direction = self._direction
         left = (command.target - generator.s) * direction
-        end = command.end_velocity
-        if end == 0.0:  # it is planned to stand at the target
+        end = command.end_velocity * self.override
+        if command.end_velocity == 0.0:  # it is planned to stand at the target
             command.in_velocity = self.standing and abs(left) <= _STANDS
             if command.in_velocity and self.queue:
                 self._end(command)
             return
-        if left <= abs(generator.v) * dt * 0.5 + _STANDS:
-            command.in_velocity = abs(abs(generator.v) - end) <= 1e-6
-            if self.queue:
-                command.state = CommandState.DONE
-                self._begin(self.queue.pop(0))
-                self._blend_on()
-            elif generator.target != direction * end:
-                generator.start_velocity(
-                    direction * end, command.acceleration, command.deceleration, command.jerk
-                )
+        if self._passed or left <= abs(generator.v) * dt * 0.5 + _STANDS:
+            self._go_beyond(command, end)
             return
-        if generator.target != direction * end:
+        if end and generator.target != direction * end:
             way = self._way_of_change(command, direction * end)
             if left <= way + abs(generator.v) * dt:
                 generator.start_velocity(
                     direction * end, command.acceleration, command.deceleration, command.jerk
                 )
+
+    def _go_beyond(self, command: Command, end: float) -> None:
+        """Begin the next command at the target, or go on with the end velocity, as far as a software limit
+        (NC-130).
+        """
+        if self.queue:
+            command.state = CommandState.DONE
+            self._begin(self.queue.pop(0))
+            self._blend_on()
+            return
+        if not self._passed:
+            self._passed = True
+            self._plan(command)
+        command.in_velocity = end > 0.0 and abs(abs(self.generator.v) - end) <= 1e-6
 
     def _blend_on(self) -> None:
         if self.active is not None and self.queue:
@@ -411,3 +437,21 @@ class Motion:
         active = self.active
         if active is not None and active.kind in {POSITION, CONTINUOUS}:
             active.target += offset
+
+
+def _stoppable(way: float, deceleration: float, jerk: float) -> float:
+    """Return the velocity from which a stop takes a way, position unit/s.
+
+    Args:
+        way: Position unit, 0 or more.
+        deceleration: Position unit/s2.
+        jerk: Position unit/s3; 0.0 for none.
+
+    """
+    if not jerk:
+        return sqrt(2.0 * way * deceleration)
+    rise = deceleration / jerk
+    velocity = 0.5 * deceleration * (sqrt(rise * rise + 8.0 * way / deceleration) - rise)
+    if velocity >= deceleration * rise:
+        return velocity
+    return cbrt(way * way * jerk)

@@ -36,11 +36,27 @@ class Superposed:
         """
         self.abort(CommandState.ABORTED, 0)
         self._part.set_state(0.0, 0.0)
-        self._part.start_position(
-            command.target, command.velocity, command.acceleration, command.deceleration, command.jerk
-        )
         command.state = CommandState.ACTIVE
         self.command = command
+        self._plan(command)
+
+    def set_override(self) -> None:
+        """Take over the override of the axis: 0 holds the motion."""
+        if self.command is not None:
+            self._plan(self.command)
+
+    def _plan(self, command: Command) -> None:
+        override, part = self._motion.override, self._part
+        if override <= 0.0:
+            part.start_stop(command.deceleration, command.jerk)
+            return
+        part.start_position(
+            command.target,
+            command.velocity * override,
+            command.acceleration,
+            command.deceleration,
+            command.jerk,
+        )
 
     def step(self) -> None:
         """Run one cycle, after the basic motion."""
@@ -49,7 +65,7 @@ class Superposed:
             return
         part.advance(self._cycle_s)
         self._motion.set_offset(part.s, part.v, part.a)
-        if part.done:
+        if part.done and self._motion.override > 0.0:
             command.state = CommandState.DONE
             self._keep()
 

@@ -14,8 +14,10 @@ from fieldbus.ads import (
     FrameReader,
     Group,
     MalformedFrameError,
+    Member,
     Memory,
     Port,
+    Structure,
     Symbol,
     net_id,
     variable,
@@ -272,3 +274,131 @@ def test_no_request_breaks_the_device(command, data, port):
     assert len(client.sent) == 1
     client.session.sample(0)
     assert client.ask(STATE)[0] == 0
+
+
+def _type_entries(table, number):
+    """Return name, type, size, offset, type number, flags and members of entries of a table of data types."""
+    found = []
+    for _ in range(number):
+        length, _, _, _, size, offset, kind, flags, *texts, dimensions, members = struct.unpack_from(
+            "<IIIIIIIIHHHHH", table
+        )
+        assert (length % 8, dimensions) == (0, 0)
+        place, names = 42, []
+        for text in texts:
+            names.append(table[place : place + text].decode())
+            place += text + 1
+        inner = _type_entries(table[place:length], members)
+        found.append((names[0], names[1], size, offset, kind, flags, inner))
+        table = table[length:]
+    return found
+
+
+def test_data_types_are_uploaded():
+    """The table of data types is as long as its info says; a structure has its members with their places, and
+    is found by name.
+    """
+    client = Client()
+    client.memory.declare(
+        Structure(
+            "IMAGE", 8, (Member("Word", "UINT", 2), Member("Rest", "UDINT", 4), Member("On", "BOOL", 0))
+        )
+    )
+    info = struct.unpack("<6I", client.read(Group.SYMBOL_UPLOAD_INFO_2, 0, 24)[1])
+    code, table = client.read(Group.DATA_TYPE_UPLOAD, 0, info[3])
+    assert (code, len(table), info[0]) == (0, info[3], 4)
+    types = {entry[0]: entry[1:] for entry in _type_entries(table, info[2])}
+    assert len(types) == info[2]
+    assert types["LREAL"] == ("", 8, 0, 5, 1, [])
+    assert types["IMAGE"] == (
+        "",
+        8,
+        0,
+        65,
+        1,
+        [
+            ("Word", "UINT", 2, 2, 18, 2, []),
+            ("Rest", "UDINT", 4, 4, 19, 2, []),
+            ("On", "BOOL", 1, 0, 33, 2, []),
+        ],
+    )
+    code, entry = client.read_write(Group.DATA_TYPE_INFO_BY_NAME_EX, 0, 0xFFFFFFFF, b"image\0")
+    assert (code, _type_entries(entry, 1)[0][0]) == (0, "IMAGE")
+    assert (
+        client.read_write(Group.DATA_TYPE_INFO_BY_NAME_EX, 0, 99, b"NONE\0")[0] == AdsError.SYMBOL_NOT_FOUND
+    )
+
+
+def test_sums_of_reads_with_lengths():
+    """Each value has its code and its length; in the second kind the values that failed take no place."""
+    client = Client()
+    speed, flag = client.memory.find("MAIN.Speed").offset, client.memory.find("MAIN.Flag").offset
+    group = Group.PLC_DATA
+    asked = struct.pack("<9I", group, speed, 8, group, 4000, 4, group, flag, 1)
+    heads = struct.pack("<6I", 0, 8, AdsError.INVALID_OFFSET, 0, 0, 1)
+    value = struct.pack("<d", 12.5)
+    assert client.read_write(Group.SUM_READ_EX, 3, 99, asked) == (0, heads + value + bytes(4) + b"\1")
+    assert client.read_write(Group.SUM_READ_EX_2, 3, 99, asked) == (0, heads + value + b"\1")
+    for number in (0, 2, 4, 501):
+        assert client.read_write(Group.SUM_READ_EX, number, 99, asked)[0] == AdsError.INVALID_SIZE
+
+
+def test_sums_of_notifications():
+    """Notifications are added and deleted together, each with its own code and handle; what was not there
+    changes nothing.
+    """
+    client = Client()
+    speed = client.memory.find("MAIN.Speed").offset
+
+    def attributes(offset, mode):
+        return struct.pack("<6I16x", Group.PLC_DATA, offset, 8, mode, 0, 0)
+
+    asked = attributes(speed, 4) + attributes(4000, 4) + attributes(speed, 9) + attributes(speed, 3)
+    code, answer = client.read_write(Group.SUM_ADD_NOTIFICATION, 4, 32, asked)
+    results = list(struct.iter_unpack("<II", answer))
+    assert code == 0
+    assert [one for one, _ in results] == [0, AdsError.INVALID_OFFSET, AdsError.MODE_NOT_SUPPORTED, 0]
+    first, last = results[0][1], results[3][1]
+    client.sent.clear()
+    client.session.sample(0)
+    assert [struct.unpack_from("<I", frame.data, 20)[0] for frame in client.sent] == [first, last]
+    asked = struct.pack("<III", first, 4711, last)
+    assert client.read_write(Group.SUM_DELETE_NOTIFICATION, 3, 12, asked) == (
+        0,
+        struct.pack("<III", 0, AdsError.NOTIFICATION_HANDLE_INVALID, 0),
+    )
+    client.sent.clear()
+    client.session.sample(10_000_000)
+    assert client.sent == []
+    for group, size in ((Group.SUM_ADD_NOTIFICATION, 40), (Group.SUM_DELETE_NOTIFICATION, 4)):
+        assert client.read_write(group, 2, 99, bytes(size))[0] == AdsError.INVALID_SIZE
+    nested = struct.pack("<IIII", Group.SUM_ADD_NOTIFICATION, 1, 8, 40) + attributes(speed, 4)
+    data = client.read_write(Group.SUM_READ_WRITE, 1, 99, nested)[1]
+    assert struct.unpack("<II", data) == (AdsError.INVALID_GROUP, 0)
+
+
+def test_clients_may_ask_for_more_than_there_is():
+    """What is named by name may be asked for with the greatest length; an unknown name keeps its code."""
+    client = Client()
+    for group in (Group.SYMBOL_INFO_BY_NAME_EX, Group.SYMBOL_VALUE_BY_NAME, Group.SYMBOL_HANDLE_BY_NAME):
+        assert client.read_write(group, 0, 0xFFFFFFFF, b"MAIN.Speed\0")[0] == 0
+        assert client.read_write(group, 0, 0xFFFFFFFF, b"MAIN.None\0")[0] == AdsError.SYMBOL_NOT_FOUND
+
+
+def test_the_state_is_data_too():
+    """State and device state are read at F100h, and a change of the state is told to who has asked for it."""
+    client = Client()
+    group = Group.DEVICE_DATA
+    assert client.read(group, 0, 4) == (0, struct.pack("<HH", 5, 0))
+    assert client.read(group, 2, 2) == (0, bytes(2))
+    assert client.read(group, 2, 4)[0] == AdsError.INVALID_SIZE
+    assert client.read(group, 4, 1)[0] == AdsError.INVALID_OFFSET
+    assert client.ask(ADD, struct.pack("<6I16x", group, 0, 4, 4, 0, 0))[1][:4] == bytes(4)
+    client.sent.clear()
+    for now, state in enumerate((5, 5, 6, 6)):
+        client.state = state
+        client.session.sample(now)
+    assert [struct.unpack_from("<H", frame.data, 28)[0] for frame in client.sent] == [5, 6]
+    assert client.ask(ADD, struct.pack("<6I16x", 0x9999, 0, 4, 4, 0, 0))[1][:4] == struct.pack(
+        "<I", AdsError.INVALID_GROUP
+    )

@@ -17,7 +17,7 @@ def panel():
     """A panel on the reference axis as an NC axis, enabled."""
     with load_bench_file("nc-axes:reference").build(seed=0) as bench:
         shown = []
-        session = NcPanelSession(bench, "", write=shown.append)
+        session = NcPanelSession(bench.axis(controller="nc"), time=bench, write=shown.append)
         session.bench, session.axis, session.shown = bench, bench.axis(controller="nc"), shown
 
         def give(*lines):

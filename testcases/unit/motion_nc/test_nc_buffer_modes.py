@@ -1,5 +1,7 @@
 """Buffer modes, continuous motions, relative, additive and modulo moves of an NC axis."""
 
+from itertools import pairwise
+
 import pytest
 
 from motion.nc.blocks import MC_MoveAbsolute
@@ -151,3 +153,166 @@ def test_a_second_start():
     move.set(Execute=True, Position=0.0)
     rig.until(move.done)
     assert rig.generator.s == 0.0
+
+
+def test_every_mode_behind_every_other(subtests):
+    """Three motions in all pairs of modes, on and back, with an override that goes to 0 and up again: they
+    end in their order, none leaves its dynamics or goes beyond a target, and the last one is reached.
+    """
+    waiting = [mode for mode in BufferMode if mode is not BufferMode.Aborting]
+    dynamics = {"Acceleration": 1200.0, "Deceleration": 800.0, "Jerk": 20_000.0}
+    for number, (second, third) in enumerate((a, b) for a in waiting for b in waiting):
+        targets = ((50.0, 100.0, 20.0), (50.0, -20.0, 30.0), (60.0, 70.0, 75.0))[number % 3]
+        velocities = ((170.0, 40.0, 90.0), (90.0, 170.0, 40.0))[number % 2]
+        with subtests.test(f"{second.name}, {third.name}", targets=targets, velocities=velocities):
+            rig = Rig().enabled()
+            blocks = [
+                rig.handle.move_absolute(target, Velocity=velocity, BufferMode=mode, **dynamics)
+                for target, velocity, mode in zip(
+                    targets, velocities, (BufferMode.Aborting, second, third), strict=True
+                )
+            ]
+            rows, ended = [], []
+            for cycle in range(4000):
+                if cycle % 60 == 30:
+                    rig.handle.power(override=(0.0, 100.0, 30.0, 60.0)[cycle // 60 % 4])
+                rig.cycles()
+                rows.append((rig.generator.s, rig.generator.v, rig.generator.a))
+                ended += [one for one in blocks if one.Done and one not in ended]
+                if len(ended) == 3:
+                    break
+            assert ended == blocks
+            assert rows[-1][0] == pytest.approx(targets[-1])
+            assert min(0.0, *targets) - 1e-6 <= min(row[0] for row in rows)
+            assert max(row[0] for row in rows) <= max(targets) + 1e-6
+            assert max(abs(v) for _, v, _ in rows) <= max(velocities) + 1e-6
+            assert max(abs(a) for *_, a in rows) <= 1200.0 + 1e-6
+            assert max(abs(b[2] - a[2]) / T for a, b in pairwise(rows)) <= 20_000.0 * 1.01
+
+
+def test_override_holds_what_goes_on_behind_its_target(subtests):
+    """Behind its target a continuous motion has the share of its end velocity that the override leaves, and
+    0 holds it; so it is with a superposed motion.
+    """
+    for name in ("continuous", "superposed"):
+        with subtests.test(name):
+            rig = Rig().enabled()
+            if name == "continuous":
+                rig.handle.move_continuous_absolute(30.0, 60.0, Velocity=100.0, **FAST)
+            else:
+                rig.handle.move_superimposed(500.0, 60.0, **FAST)
+            rig.cycles(300)
+            for override, expected in ((100.0, 60.0), (0.0, 0.0), (50.0, 30.0), (100.0, 60.0)):
+                rig.handle.power(override=override)
+                rig.cycles(150)
+                assert rig.axis.motion.v == pytest.approx(expected, abs=1e-6)
+            assert rig.status("Compensating") is (name == "superposed")
+
+
+@pytest.mark.requirement("NC-130")
+def test_a_continuous_motion_stops_at_the_limit(subtests):
+    """Beyond its target a motion with end velocity goes as far as the software limit, and stands there
+    without an error.
+    """
+    for sign in (1.0, -1.0):
+        with subtests.test(sign=sign):
+            rig = Rig(
+                axis__soft_limit_max_enable=True,
+                axis__soft_limit_max=100.0,
+                axis__soft_limit_min_enable=True,
+                axis__soft_limit_min=-100.0,
+            ).enabled()
+            move = rig.handle.move_continuous_absolute(sign * 30.0, 60.0, Velocity=100.0, **FAST)
+            rig.until(move.in_end_velocity)
+            rig.cycles(1500)
+            assert rig.axis.motion.s == pytest.approx(sign * 100.0)
+            assert move.Busy
+            assert not rig.axis.error
+
+
+def test_what_waits_begins_where_the_others_end():
+    """A waiting relative, additive or modulo motion counts from the end of those in front of it, also for
+    the software limits.
+    """
+    limits = {"axis__soft_limit_max_enable": True, "axis__soft_limit_max": 130.0}
+    rig = Rig(**limits).enabled()
+    rig.handle.move_absolute(20.0, Velocity=100.0, **FAST)
+    waits = {"Velocity": 100.0, "BufferMode": BufferMode.Buffered, **FAST}
+    first, second, third = (rig.handle.move_relative(50.0, **waits) for _ in range(3))
+    rig.cycles(2)
+    assert (first.ErrorID, second.ErrorID, third.ErrorID) == (0, 0, 0x4461)
+    last = rig.handle.move_additive(10.0, **waits)
+    rig.until(last.done)
+    assert rig.generator.s == pytest.approx(130.0)
+    rig = Rig().enabled()
+    rig.handle.move_absolute(100.0, Velocity=200.0, **FAST)
+    rig.cycles(20)
+    turn = rig.handle.move_modulo(20.0, Direction.POSITIVE, **waits)
+    rig.until(turn.done)
+    assert rig.generator.s == pytest.approx(380.0)
+
+
+@pytest.mark.requirement("NC-028")
+def test_feed_enable_of_what_no_command_moves(subtests):
+    """A superposed motion, external setpoints and a slave are stopped at once too, in the direction without
+    feed enable alone; a superposed motion in it is refused.
+    """
+    for kind in ("superposed", "external"):
+        for sign in (1.0, -1.0):
+            for positive in (True, False):
+                with subtests.test(kind, sign=sign, positive=positive):
+                    rig = Rig().enabled()
+                    if kind == "superposed":
+                        rig.handle.move_superimposed(sign * 50.0, 40.0, **FAST)
+                    else:
+                        rig.handle.external_enable(0.0, start_type=2)
+                        packet = rig.ref.PlcToNc
+                        packet.ExtSetDirection = int(sign)
+
+                        def feed(packet=packet, sign=sign):
+                            packet.ExtSetPos += sign * 40.0 * T
+                            packet.ExtSetVelo = sign * 40.0
+
+                        rig.runtime.call(feed)
+                    rig.cycles(100)
+                    assert rig.axis.motion.v == pytest.approx(sign * 40.0)
+                    rig.handle.power(positive=positive, negative=not positive)
+                    rig.cycles(20)
+                    allowed = positive is (sign > 0.0)
+                    assert (rig.axis.motion.v == 0.0) is not allowed
+                    missing = [entry for entry in rig.history.events if entry.kind == "axis.feed_missing"]
+                    assert len(missing) == (0 if allowed else 1)
+    rig = Rig().enabled()
+    rig.handle.power(positive=False)
+    rig.cycles(2)
+    refused = rig.handle.move_superimposed(50.0, 40.0)
+    rig.cycles(2)
+    assert refused.ErrorID == 0x4358
+
+
+@pytest.mark.requirement("NC-113")
+def test_fast_stop_of_what_no_command_moves(subtests):
+    """The fast axis stop brakes a slave, which leaves its master, a superposed motion and external setpoints
+    as well.
+    """
+    for kind in ("slave", "superposed"):
+        with subtests.test(kind):
+            rig = Rig(
+                axis__fast_axis_stop_signal_type="Rising Edge",
+                axis__fast_deceleration=8000.0,
+                axis__fast_jerk=1e6,
+            )
+            rig.enabled()
+            if kind == "slave":
+                master = Rig(with_=rig).enabled()
+                rig.handle.gear_in(master.handle)
+                master.handle.move_velocity(100.0, **FAST)
+            else:
+                rig.handle.move_superimposed(500.0, 100.0, **FAST)
+            rig.cycles(200)
+            assert rig.axis.motion.v == pytest.approx(100.0)
+            rig.device.fast_stop = True
+            rig.cycles(100 if kind == "slave" else 300)
+            assert rig.axis.motion.v == pytest.approx(0.0)
+            assert rig.axis.coupling.master is None
+            assert not rig.axis.error
