@@ -879,7 +879,7 @@ def mutants(
         typer.Option(
             "--cases",
             metavar="K",
-            help="At most K cases for a defect, of all campaigns in turn; 0: 40 with --mechanical, else all.",
+            help="At most K cases for a defect, as different as can be; 0: 40 with --mechanical, else all.",
         ),
     ] = 0,
     only_list: Annotated[bool, typer.Option("--list", help="Show the defects and run nothing.")] = False,

@@ -336,6 +336,8 @@ class ControlSystem:
             group = self._recorder.add_group(entry.name, TRACE_COLUMNS, handle.trace_row)
             self._runtime.after_cycle.append(group.sample)
             self._recorder.set_constant(f"{entry.name}.cycle_s", handle.object.cycle_s)
+            if handle.object.two_speed:
+                self._recorder.set_constant(f"{entry.name}.two_speed", 1.0)
 
     def _encoder_of_axis(self, section: AxisTable, encoder: str) -> EncoderPort | Port:
         """Return the port to an encoder of an axis."""

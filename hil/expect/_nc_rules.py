@@ -35,6 +35,8 @@ class NcAxisView:
         self.output = self._of(trace, name, "output")
         self.code = self._of(trace, name, "error_code")
         self.cycles = self._of(trace, name, "op_mode_dword").astype(np.int64) >> 24 & 0xFF
+        self.two_speed = bool(trace.constants.get(f"{name}.two_speed"))
+        """Whether its set values are the actual ones (NC-607)."""
 
     @staticmethod
     def _of(trace: Trace, name: str, column: str) -> Numbers:
@@ -73,14 +75,18 @@ def _without_enable(axis: NcAxisView) -> Judged:
     return axis.judged(~axis.bit(_OPERATIONAL), moving, "set velocity without Operational")
 
 
-def _direction(axis: NcAxisView) -> Judged:
+def _direction(axis: NcAxisView) -> Judged | None:
+    if axis.two_speed:
+        return None
     forward, backward = axis.velocity > _STANDS, axis.velocity < -_STANDS
     wrong = (axis.bit(_BACKWARD) & forward) | (axis.bit(_FORWARD) & backward)
     wrong |= axis.bit(_FORWARD) & axis.bit(_BACKWARD)
     return axis.judged(_always(axis), wrong, "direction in StateDWord against the sign of the set velocity")
 
 
-def _not_moving(axis: NcAxisView) -> Judged:
+def _not_moving(axis: NcAxisView) -> Judged | None:
+    if axis.two_speed:
+        return None
     moving = np.abs(axis.velocity) > _STANDS
     return axis.judged(axis.bit(_NOT_MOVING), moving, "NotMoving with a set velocity")
 
@@ -120,14 +126,14 @@ NC_RULES: Final[tuple[Rule[NcAxisView], ...]] = (
         name="direction of motion",
         says="PositiveDirection and NegativeDirection are those of the set velocity",
         requirements=("NC-449", "NC-450"),
-        tolerance="none",
+        tolerance="none; not of two-speed axes, whose set values are the actual ones",
         judge=_direction,
     ),
     Rule(
         name="NotMoving",
         says="NotMoving is not set while there is a set velocity",
         requirements=("NC-442",),
-        tolerance="none",
+        tolerance="none; not of two-speed axes",
         judge=_not_moving,
     ),
     Rule(

@@ -56,6 +56,38 @@ class Covered:
         )
 
 
+class MarkNumbers:
+    """Marks of all modules as bits of one number."""
+
+    def __init__(self) -> None:
+        self._places: dict[str, tuple[int, int]] = {}
+        self._size = 0
+
+    def _place(self, module: str, size: int) -> tuple[int, int]:
+        """Return where the marks of a module begin, byte, and how many bytes they are."""
+        place = self._places.get(module)
+        if place is None:
+            place = self._places[module] = self._size, size
+            self._size += size
+        return place
+
+    def of(self, covered: Covered) -> int:
+        """Return the marks that a case passes."""
+        parts = [(self._place(name, len(bits))[0], bits) for name, bits in covered.marks.items()]
+        whole = bytearray(self._size)
+        for first, bits in parts:
+            whole[first : first + len(bits)] = bits
+        return int.from_bytes(whole, "little")
+
+    def modules(self, names: Iterable[str]) -> int:
+        """Return all marks of modules; of one that no case comes to there are none."""
+        found = 0
+        for name in names:
+            first, size = self._places.get(name, (0, 0))
+            found |= ((1 << 8 * size) - 1) << 8 * first
+        return found
+
+
 @dataclass
 class Coverage:
     """What is known of cases, and the file that keeps it.

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from heapq import heapify, heappop, heappush
 from itertools import zip_longest
 from typing import Final
 
@@ -144,15 +145,50 @@ def in_order(
     )
 
 
-def spread(judges: Sequence[Judge], most: int) -> list[Judge]:
-    """Return at most so many cases, of as many campaigns and benches in turn as there are; 0: all.
+_NEAR: Final = 16
+"""A mark of the module that has the defect counts as much as so many others."""
+
+
+def most_different(judges: Sequence[Judge], most: int, marks: Mapping[Judge, int], near: int) -> list[Judge]:
+    """Return at most so many cases, those that together come to as much of the product as they can: what a
+    defect does shows far from where it is, and many cases are alike.
 
     Args:
         judges: The cases, the best first.
-        most: How many.
+        most: How many; 0: all, as they are.
+        marks: Marks of the product that each of them passes, as bits of a number.
+        near: Marks of the modules that have the defect.
 
     """
-    return in_turn(judges)[:most] if most and len(judges) > most else list(judges)
+    if not most or len(judges) <= most:
+        return list(judges)
+    chosen: list[Judge] = []
+    covered = 0
+    waiting: list[tuple[int, int]] = []
+    while len(chosen) < most:
+        if not waiting:  # all that is left adds nothing: once more from the beginning
+            covered = 0
+            taken = set(chosen)
+            waiting = [
+                (-_gain(marks.get(judge, 0), near), at)
+                for at, judge in enumerate(judges)
+                if judge not in taken
+            ]
+            heapify(waiting)
+        at = heappop(waiting)[1]
+        now = _gain(marks.get(judges[at], 0) & ~covered, near)
+        if waiting and -now > waiting[0][0]:
+            heappush(waiting, (-now, at))  # those chosen meanwhile have taken some of it
+        elif now == 0 and covered:
+            waiting.clear()
+        else:
+            chosen.append(judges[at])
+            covered |= marks.get(judges[at], 0)
+    return chosen
+
+
+def _gain(marks: int, near: int) -> int:
+    return marks.bit_count() + (_NEAR - 1) * (marks & near).bit_count()
 
 
 def in_turn(judges: Sequence[Judge]) -> list[Judge]:

@@ -12,11 +12,11 @@ from typing import Any, Final
 from fieldbus import core_build
 from hil._workers import CopyStarter, Pool, number_of_processes
 from hil.errors import CannotRunError
-from hil.mutants._coverage import Coverage, Covered, modules_in, scope_of
+from hil.mutants._coverage import Coverage, Covered, MarkNumbers, modules_in, scope_of
 from hil.mutants._marks import Marks, Place, marks_of, places_of
 from hil.mutants._mutant import Mutant
 from hil.mutants._patch import TargetChangedError, defect_patch
-from hil.mutants._plan import Judge, hinted, in_order, in_turn, modules_of, spread
+from hil.mutants._plan import Judge, hinted, in_order, in_turn, modules_of, most_different
 from hil.mutants._worker import Finished, Outcome, Task, run_tasks
 
 BASELINE_LIMIT_S: Final = 300.0
@@ -50,7 +50,7 @@ class SeedingOptions:
     """Wall time after which nothing further begins, s; at most half of it goes into cases without a defect.
     0: no limit."""
     most_cases: int = 0
-    """So many of the cases that come to the changed statement are tried, of all campaigns in turn; 0: all."""
+    """So many of the cases that come to the changed statement are tried, as different as can be; 0: all."""
 
 
 def changes_of(mutant: Mutant) -> list[dict[str, str]]:
@@ -249,6 +249,8 @@ class Seeder:
         self._places: dict[str, Sequence[Place]] = {}
         self._scope: frozenset[str] = frozenset()
         self._measured: set[Judge] = set()
+        self._numbers = MarkNumbers()
+        self._passed: dict[Judge, int] = {}
 
     def run(self) -> Seeding:
         """Run; Ctrl-C ends early, with the results so far and `interrupted` set.
@@ -320,6 +322,7 @@ class Seeder:
             if known is None:
                 new.append(judge)
             else:
+                self._passed[judge] = self._numbers.of(known)
                 seeding.baseline[judge] = Outcome(
                     judge, known.verdict, "", known.seconds, self._reached_by(known)
                 )
@@ -345,6 +348,7 @@ class Seeder:
                 raise CannotRunError(finished.error)
             for outcome in finished.outcomes:
                 found = Covered(outcome.verdict, outcome.seconds, outcome.marks)
+                self._passed[outcome.judge] = self._numbers.of(found)
                 self._measured.add(outcome.judge)
                 seeding.measured = len(self._measured)
                 seeding.baseline[outcome.judge] = replace(outcome, reached=self._reached_by(found), marks={})
@@ -387,7 +391,8 @@ class Seeder:
             order = in_order(mutant, green, reached, seconds)
             result = self._done.setdefault(mutant.name, MutantResult(mutant))
             result.able = len(order)
-            order = spread(order, self._options.most_cases)
+            near = self._numbers.modules(place.module for place in self._places[mutant.name])
+            order = most_different(order, self._options.most_cases, self._passed, near)
             tried = {outcome.judge for outcome in result.outcomes}
             order = [
                 judge

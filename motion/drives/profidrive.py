@@ -174,6 +174,7 @@ class ProfidrivePort(LinkedPort):
         "_zsw2_at",
         "actual_seam",
         "block",
+        "clearings",
         "setpoint_seam",
         "telegram",
     )
@@ -217,6 +218,8 @@ class ProfidrivePort(LinkedPort):
         place = {name: at for at, name in enumerate(out.names)}
         self._narrow = "NSOLL_A" in place
         self._row = [0] * len(out.names)
+        self.clearings = 0
+        """How often all words that are sent were set to zero: those of `command` have to be given again."""
         self._place_outputs(place)
         self._xerr_at = place.get("XERR", -1)
         self._kpc_at = place.get("KPC", -1)
@@ -259,6 +262,7 @@ class ProfidrivePort(LinkedPort):
         place = {name: at for at, name in enumerate(self.telegram.setpoint.names)} if on else {}
         self._place_outputs(place)
         self._row[:] = [0] * len(self._row)
+        self.clearings += 1
         # Nor does the drive answer with a sign of life then, and its values count all the same (MC-632).
         self._watches = on and self._words.sign_of_life
         self._watch.reset()

@@ -34,7 +34,7 @@ class SecondEncoderPort(EncoderPort):
     def __init__(self, port: ProfidrivePort, *, absolute_encoder: bool) -> None:
         super().__init__()
         self._port = port
-        self._sent = 0
+        self._sent = self._clearings = 0
         self.absolute_encoder = absolute_encoder
         self.telegram_number = port.telegram_number
         self.interface_number = 2
@@ -57,6 +57,8 @@ class SecondEncoderPort(EncoderPort):
         mark = self._search
         if mark.busy:
             mark.take(zsw, port.actual("G2_XIST2"))
+        if port.clearings != self._clearings:
+            self._clearings, self._sent = port.clearings, 0
         word = _ACKNOWLEDGE if zsw & _ERROR else mark.word
         if word != self._sent:
             self._sent = word

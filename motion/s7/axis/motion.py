@@ -1228,7 +1228,7 @@ class MotionControl:
             and (job is None or job.coupling is None)
         ):
             return
-        if state in _SWITCHES_OFF and self._servo.has_position and not self._arrived_behind_filter():
+        if state in _SWITCHES_OFF and not self._arrived_at_drive():
             return
         if state is AxisState.ALARM_RAMP:
             if job is not None and job.job_class is JobClass.STOP:
@@ -1269,12 +1269,16 @@ class MotionControl:
         job.finish()
         self._next()
 
-    def _arrived_behind_filter(self) -> bool:
-        """Return whether the velocity that the drive is given has come to zero
-        too, so that nothing is cut off.
+    def _arrived_at_drive(self) -> bool:
+        """Return whether the velocity that the drive is given has come to zero too, so that nothing is cut
+        off (STP-511).
         """
-        dynamic_filter = self._servo.controller.filter
-        return dynamic_filter is None or abs(dynamic_filter.velocity) <= self._servo.rest_velocity
+        servo = self._servo
+        fine = servo.fine
+        if fine is not None and abs(fine.v) > servo.rest_velocity:
+            return False  # the ramp began after the last interval: its first one is still to come
+        dynamic_filter = servo.controller.filter if servo.has_position else None
+        return dynamic_filter is None or abs(dynamic_filter.velocity) <= servo.rest_velocity
 
     def _settled(self) -> bool:
         """Return whether the end of the motion counts as reached (positioning

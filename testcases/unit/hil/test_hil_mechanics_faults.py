@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hil.bench import load_bench
+from hil.faults import Injector
 
 
 def machine(fault, *, velocity=0.0, after_s=0.3, gravity_n=0.0, **options):
@@ -26,8 +27,6 @@ def machine(fault, *, velocity=0.0, after_s=0.3, gravity_n=0.0, **options):
             axis.move_velocity(velocity)
         bench.run_for(0.5)
         when = bench.now_s
-        from hil.faults import Injector
-
         Injector(bench).inject(fault, **options)
         bench.run_for(after_s)
         return bench.trace(), when
@@ -122,3 +121,26 @@ def test_a_clock_that_drifts_makes_sync_later_and_later():
     assert np.median(steps) == pytest.approx(4_004_000, abs=1_000)
     assert late[-1] - late[0] == pytest.approx((len(late) - 1) * 4_004_000, abs=300_000)
     assert trace["axis1.alarm_number"].at(trace.end_s) == 0
+
+
+@pytest.mark.exhaustive
+@pytest.mark.requirement("STP-511")
+def test_a_slow_interpolator_switches_off_behind_its_setpoint(new_bench):
+    """The emergency ramp of a jammed axis ends at once: ON goes with the setpoint of the next call of the
+    interpolator, not before it.
+    """
+    with new_bench(tables={"bench": {"interpolator_ms": 12}}) as bench:
+        axis = bench.axis()
+        bench.wait_until(axis.power().status, 2.0)
+        bench.wait_until(axis.move_velocity(200.0).in_velocity, 2.0)
+        Injector(bench).inject("mechanics.jam", bench.drive().name)
+        bench.run_for(0.02)
+        Injector(bench).inject("axis.alarm", axis.name, number=304, reaction=3)
+        bench.run_for(0.1)
+        trace = bench.trace()
+        stw1 = trace[f"{axis.name}.stw1"].values.astype(int)
+        off = int(np.flatnonzero(stw1 == 0x047E)[-1])
+        while stw1[off - 1] == 0x047E:
+            off -= 1
+        assert stw1[off - 1] == 0x047F
+        assert trace[f"{axis.name}.velocity_setpoint"].values[off] == 0.0

@@ -8,8 +8,9 @@ import pytest
 
 from hil.errors import CannotRunError
 from hil.mutants import Judge, Mutant, MutantResult, Outcome, Seeding, draw, seeded, shares
+from hil.mutants._coverage import Covered, MarkNumbers
 from hil.mutants._operators import OPERATORS, replacements
-from hil.mutants._plan import spread
+from hil.mutants._plan import most_different
 
 SOURCE = '''
 def step(self, limit: float = 2.0) -> None:
@@ -109,11 +110,33 @@ def test_what_cannot_be_drawn_is_refused(number, areas, words):
     assert str(caught.value).startswith(words)
 
 
-def test_a_limited_number_of_cases_is_taken_from_all_campaigns_in_turn():
-    """The first of each family before the second of any."""
-    judges = [Judge(f"{family}/{number}", "", "") for family in "abc" for number in range(4)]
-    assert [one.identifier for one in spread(judges, 4)] == ["a/0", "b/0", "c/0", "a/1"]
-    assert spread(judges, 0) == judges
+def test_a_limited_number_of_cases_comes_to_as_much_as_it_can():
+    """The widest case first, then what adds most to it; the module of the defect counts more; when nothing
+    is added any more it begins anew.
+    """
+    judges = [Judge(f"case/{number}", "", "") for number in range(5)]
+    marks = dict(zip(judges, (0b1111_0000, 0b1110_0000, 0b0000_0111, 0b1000_0000, 0b0000_1000), strict=True))
+
+    def taken(most, near=0):
+        return [one.identifier[-1] for one in most_different(judges, most, marks, near)]
+
+    assert taken(3) == ["0", "2", "4"]
+    assert taken(4) == ["0", "2", "4", "1"]
+    assert taken(1, near=0b1000) == ["4"]
+    assert taken(0) == ["0", "1", "2", "3", "4"]
+    assert taken(5) == ["0", "1", "2", "3", "4"]
+
+
+def test_marks_of_all_modules_are_bits_of_one_number():
+    """Every module has bits of its own, whatever the order in which it is met."""
+    numbers = MarkNumbers()
+    first = numbers.of(Covered("passed", 0.1, {"a": b"\x01\x80", "b": b"\x03"}))
+    second = numbers.of(Covered("passed", 0.1, {"b": b"\x02", "c": b"\x01"}))
+    assert first & numbers.modules(["a"]) == 0x8001
+    assert (first & numbers.modules(["b"])).bit_count() == 2
+    assert (first & second).bit_count() == 1
+    assert numbers.modules(["a", "c"]) & numbers.modules(["b"]) == 0
+    assert numbers.modules(["none"]) == 0
 
 
 @pytest.mark.exhaustive
