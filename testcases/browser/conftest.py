@@ -120,8 +120,8 @@ def hostile_report(tmp_path_factory) -> Path:
     return write_report(hostile_run(), tmp_path_factory.mktemp("hostile")).report
 
 
-@pytest.fixture(scope="session")
-def driver(tmp_path_factory) -> Iterator[object]:
+def chromium(profile: Path):
+    """Start a Chromium with a profile of its own; who starts it ends it."""
     programs = {name: shutil.which(name) for name in ("chromium", "chromedriver")}
     missing = [name for name, path in programs.items() if path is None]
     if missing:
@@ -138,11 +138,16 @@ def driver(tmp_path_factory) -> Iterator[object]:
     options = webdriver.ChromeOptions()
     for flag in FLAGS.split():
         options.add_argument(flag)
-    options.add_argument(f"--user-data-dir={tmp_path_factory.mktemp('profile')}")
+    options.add_argument(f"--user-data-dir={profile}")
     options.binary_location = programs["chromium"]
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     # An explicit driver: selenium would look for one on the network otherwise.
-    chrome = webdriver.Chrome(options=options, service=webdriver.ChromeService(programs["chromedriver"]))
+    return webdriver.Chrome(options=options, service=webdriver.ChromeService(programs["chromedriver"]))
+
+
+@pytest.fixture(scope="session")
+def driver(tmp_path_factory) -> Iterator[object]:
+    chrome = chromium(tmp_path_factory.mktemp("profile"))
     yield chrome
     chrome.quit()
 

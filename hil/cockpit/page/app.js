@@ -1,7 +1,7 @@
 // The page as a whole: header with time and control, tabs with views, and stopping from anywhere.
 
 import { Connection, enter } from "./connection.js";
-import { field, h, mark, number, show, text, toast } from "./dom.js";
+import { field, h, mark, show, text, toast } from "./dom.js";
 import { Samples } from "./samples.js";
 import { TimeControl } from "./time.js";
 import { views } from "./views/index.js";
@@ -103,10 +103,7 @@ function turn(event) {
 
 document.body.append(
   h("a.skip", { href: "#main" }, "Skip to the view"),
-  header,
-  banner,
-  connectionBanner,
-  h("nav", { "aria-label": "Views" }, tabList),
+  h("div.top", {}, header, banner, connectionBanner, h("nav", { "aria-label": "Views" }, tabList)),
   h("main", { id: "main", tabIndex: -1 }, ...panels.values()),
 );
 
@@ -122,6 +119,15 @@ window.addEventListener(
 
 document.addEventListener("visibilitychange", () => {
   if (document.hidden && context.operates()) connection.request("axis.away").catch(() => {});
+});
+
+// -- the right key on a value shows it in the scope
+
+document.addEventListener("contextmenu", (event) => {
+  const signal = event.target.closest?.("[data-signal]")?.dataset.signal;
+  if (!signal) return;
+  event.preventDefault();
+  context.scope(signal);
 });
 
 // -- what the server tells
@@ -206,4 +212,3 @@ function askToken() {
 if (await enter()) connection.open();
 else askToken();
 
-export { number };

@@ -54,6 +54,7 @@ export function number(value, decimals = 3) {
 /** A number as short as its size allows, for scales and cursors. */
 export function short(value) {
   if (value === null || value === undefined || Number.isNaN(value)) return "\u2013";
+  if (value === 0) return "0";
   const size = Math.abs(value);
   if (size !== 0 && (size >= 1e7 || size < 1e-4)) return value.toExponential(2).replace("-", MINUS);
   const decimals = size >= 1000 ? 1 : size >= 10 ? 2 : size >= 1 ? 3 : 4;

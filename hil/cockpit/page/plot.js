@@ -1,8 +1,15 @@
 // A panel with curves over time or over another signal, drawn by uPlot; no more points than the screen has pixels.
 
-import { unit } from "./dom.js";
+import { h, unit } from "./dom.js";
 
 export const COLOURS = ["--curve-1", "--curve-2", "--curve-3", "--curve-4", "--curve-5", "--curve-6"];
+
+/** A field of the colour of a curve, for legends. */
+export function dot(number) {
+  const element = h("span.dot");
+  element.style.background = `var(${COLOURS[number % COLOURS.length]})`;
+  return element;
+}
 
 /** Value of a custom property of the page: colours follow light and dark. */
 export function colour(name) {

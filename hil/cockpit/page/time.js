@@ -2,7 +2,7 @@
 
 import { field, h, mark, number, show, text } from "./dom.js";
 
-const SPEEDS = [["0.01", "1/100"], ["0.1", "1/10"], ["0.5", "1/2"], ["1", "real time"], ["2", "2 \u00d7"], ["10", "10 \u00d7"], ["max", "as fast as it can"]];
+const SPEEDS = [["0.01", "1/100"], ["0.1", "1/10"], ["0.5", "1/2"], ["1", "real time"], ["2", "2 \u00d7"], ["10", "10 \u00d7"], ["max", "fastest"]];
 const COMPARED = [">", ">=", "<", "<=", "==", "!="];
 
 export class TimeControl {

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
+from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
 _MOST_EVENTS: Final = 200
 """Events that go to the pages at once; of more only the last ones, with the number of those left out."""
 _MOST_FILES: Final = 200
+_MOST_FOLDERS: Final = 500
+_DEEPEST: Final = 3
 _LOAD_SHARE: Final = 0.2
 """Share of the newest load in the one that is shown."""
 
@@ -129,12 +133,16 @@ class BenchPane(Pane):
     # -------------------------------------------------------------------------------------------
 
     def _files(self) -> list[str]:
-        found = (
-            path.relative_to(self._folder).as_posix()
-            for path in self._folder.rglob("*.toml")
-            if not any(part.startswith(".") for part in path.relative_to(self._folder).parts)
-        )
-        return sorted(islice(found, _MOST_FILES))
+        """Return the bench files of the folder, without looking through a whole disk."""
+        found: list[str] = []
+        for parent, folders, files in islice(os.walk(self._folder), _MOST_FOLDERS):
+            place = Path(parent).relative_to(self._folder)
+            deep = len(place.parts) >= _DEEPEST
+            folders[:] = [] if deep else sorted(one for one in folders if not one.startswith("."))
+            found += [(place / one).as_posix() for one in sorted(files) if one.endswith(".toml")]
+            if len(found) >= _MOST_FILES:
+                break
+        return found[:_MOST_FILES]
 
     def _open(self, message: OpenBench, _: Client) -> None:
         source = message.source
@@ -287,6 +295,7 @@ def _as_json(events: Iterable[Event]) -> list[list[Any]]:
     return [[event.time_ns / 1e9, event.source, event.kind, event.data] for event in events]
 
 
+@cache
 def _schema() -> object:
     from hil.bench.schema import json_schema
 

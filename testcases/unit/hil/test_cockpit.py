@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import struct
 
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from hil.cockpit.messages import RateLimit
+from testcases.cockpit_fuzz import fuzz
 from testcases.cockpit_rig import TOKEN, served
 
 pytestmark = pytest.mark.exhaustive
@@ -239,4 +239,12 @@ def test_another_bench(operator):
     operator.do("bench.start_text", text=text.replace('name = "reference axis"', 'name = "other"'))
     operator.until(lambda: operator.description["name"] == "other", "other bench")
     operator.do("bench.open", source="reference")
-    assert json.dumps(operator.do("bench.schema"))
+
+
+def test_drawn_messages():
+    """Drawn messages, right and wrong, are all answered, and the cockpit goes on: a sample of
+    `python -m testcases.cockpit_fuzz`.
+    """
+    counts = fuzz(400, seed=1)
+    assert counts["carried out"] > 50
+    assert counts["refused"] > 50

@@ -1,6 +1,6 @@
 // An axis as on a control panel: what it does, and what an operator does with it.
 
-import { COLOURS, Panel, colour } from "../plot.js";
+import { Panel, dot } from "../plot.js";
 import { field, h, mark, number, show, short, text, unit } from "../dom.js";
 
 const SHOWN_S = 10;
@@ -20,7 +20,7 @@ class Value {
     this.high = h("span.high", {}, "");
     this.track = h("span.track", { "aria-hidden": "true" }, this.fill, this.needle);
     this.bar = h("div.bar", {}, this.track, this.low, this.high);
-    this.element = h("div.value", {}, h("span.name", {}, name), h("span.reading", {}, this.shown, this.unit), this.aim, this.bar);
+    this.element = h("div.value", { title: "Right key: show it in the scope" }, h("span.name", {}, name), h("span.reading", {}, this.shown, this.unit), this.aim, this.bar);
   }
 
   begin(name, range) {
@@ -88,7 +88,7 @@ class AxisView {
           "div.column",
           {},
           h("section.card", {}, h("div.head", {}, (this.title = h("h2", {}, "Axis")), h("span.spacer"), this.badges), this.alarms, this.notes, h("div.values", {}, this.position.element, this.velocity.element, this.following.element, this.torque.element)),
-          h("section.card", {}, h("div.head", {}, h("h2", {}, `Last ${SHOWN_S} s`), h("span.spacer"), h("button", { type: "button", onclick: () => this.#toScope() }, "Open in the scope")), this.charts),
+          h("section.card.charted", {}, h("div.head", {}, h("h2", {}, `Last ${SHOWN_S} s`), h("span.spacer"), h("button", { type: "button", onclick: () => this.#toScope() }, "Open in the scope")), this.charts),
         ),
         h(
           "div.column.narrow",
@@ -237,6 +237,10 @@ class AxisView {
     this.kind = found.make;
     const { units, limits, position } = found;
     for (const one of [this.position, this.following]) show(one.element, position);
+    for (const [one, column] of [[this.position, "actual_position"], [this.velocity, position ? "actual_velocity" : "actual_speed"], [this.following, "following_error"], [this.torque, "actual_torque"]]) {
+      if (this.signals.has(`${name}.${column}`)) one.element.dataset.signal = `${name}.${column}`;
+      else delete one.element.dataset.signal;
+    }
     this.position.begin(units.length, limits.position);
     this.velocity.begin(units.velocity, [-limits.velocity, limits.velocity]);
     this.following.begin(units.length, limits.following_error ? [-limits.following_error, limits.following_error] : null);
@@ -375,12 +379,6 @@ class AxisView {
     this.notes.replaceChildren(...now.notes.filter((note) => !note.startsWith("alarm ")).map((note) => h("li", {}, note)));
     show(this.notes, this.notes.children.length > 0);
   }
-}
-
-function dot(number) {
-  const element = h("span.dot");
-  element.style.background = colour(COLOURS[number % COLOURS.length]);
-  return element;
 }
 
 export const view = { name: "axis", title: "Axis", create: (context) => new AxisView(context) };
