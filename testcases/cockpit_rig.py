@@ -10,6 +10,7 @@ from http.client import HTTPConnection
 from pathlib import Path
 from queue import Empty, Queue
 from socket import create_connection, create_server
+from tempfile import TemporaryDirectory
 from threading import Event, Thread
 from typing import Any
 
@@ -177,23 +178,24 @@ class Served:
 
 @contextmanager
 def served(bench: str = "reference", **options: Any) -> Iterator[Served]:
-    """Serve a cockpit."""
-    listening = create_server(("127.0.0.1", 0))
-    port = listening.getsockname()[1]
-    app = cockpit(
-        load_bench(bench),
-        token=TOKEN,
-        port=port,
-        hosts=[f"127.0.0.1:{port}"],
-        folder=options.pop("folder", Path.cwd()),
-        **options,
-    )
-    server = http_server(app)
-    thread = Thread(target=lambda: server.run(sockets=[listening]), daemon=True)
-    thread.start()
-    try:
-        yield Served(port)
-    finally:
-        server.should_exit = True
-        thread.join(PATIENCE_S)
-        listening.close()
+    """Serve a cockpit, in a working folder of its own where none is given."""
+    with TemporaryDirectory() as work:
+        listening = create_server(("127.0.0.1", 0))
+        port = listening.getsockname()[1]
+        app = cockpit(
+            load_bench(bench),
+            token=TOKEN,
+            port=port,
+            hosts=[f"127.0.0.1:{port}"],
+            folder=options.pop("folder", Path(work)),
+            **options,
+        )
+        server = http_server(app)
+        thread = Thread(target=lambda: server.run(sockets=[listening]), daemon=True)
+        thread.start()
+        try:
+            yield Served(port)
+        finally:
+            server.should_exit = True
+            thread.join(PATIENCE_S)
+            listening.close()
