@@ -12,7 +12,7 @@ import pytest
 
 from hil._outputs import kept
 from hil._plugin_cases import CaseTest
-from hil._plugin_settings import REQUIREMENT, evidence_wanted, run_seed, shortest, workers_folder
+from hil._plugin_settings import BLOCKED, REQUIREMENT, evidence_wanted, run_seed, shortest, workers_folder
 from hil._plugin_source import function_of, source_digest
 from hil._plugin_words import crash_text, example_of
 from hil._requirements import Requirement, complete
@@ -47,7 +47,11 @@ class _Outcome:
     def note(self, report: pytest.TestReport, crash: str) -> None:
         """Take over a phase."""
         self.wall_s += report.duration
-        if report.outcome == "failed":
+        blocked = str(getattr(report, BLOCKED, ""))
+        if blocked:
+            if self.verdict is Verdict.PASSED:
+                self.verdict, self.message = Verdict.BLOCKED, blocked
+        elif report.outcome == "failed":
             if self.verdict is not Verdict.FAILED:
                 self.verdict = Verdict.FAILED if report.when == "call" else Verdict.ERROR
                 self.message = crash or _last_line(report.longreprtext)
@@ -58,7 +62,7 @@ class _Outcome:
             self.verdict = Verdict.BLOCKED
             reason = report.longrepr
             text = str(reason[2]) if isinstance(reason, tuple) else str(reason)
-            self.message = text.removeprefix("blocked: ").removeprefix("Skipped: ")
+            self.message = text.removeprefix("Skipped: ")
 
 
 def _last_line(text: str) -> str:

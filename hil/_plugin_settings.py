@@ -14,6 +14,8 @@ REQUIREMENT: Final = "requirement"
 """Marker with identifiers of the specification, and the name of the property that carries them."""
 BENCH: Final = "hil_bench"
 """Marker with a bench file, and the setting of the same name."""
+BLOCKED: Final = "hil_blocked"
+"""Attribute of the report of a test whose bench cannot answer it: why; and the setting of the same name."""
 _WORKERS: Final = "workers"
 
 
@@ -51,6 +53,13 @@ def add_options(parser: pytest.Parser) -> None:
         default="",
         help="requirements of your own, CSV or ReqIF, which lead the report",
     )
+    group.addoption(
+        "--hil-blocked",
+        choices=("skip", "fail"),
+        default=None,
+        help="what becomes of a test whose bench cannot answer it (default skip)",
+    )
+    parser.addini("hil_blocked", "used when --hil-blocked is not given: skip or fail", default="skip")
     parser.addini("hil_catalogue", "catalogue used when --hil-catalogue is not given", default="")
     parser.addini("hil_bench", "bench file used when --hil-bench is not given", default="")
     parser.addini("hil_seed", "seed used when --hil-seed is not given", default="0")
@@ -84,6 +93,19 @@ def own_requirements_of(config: pytest.Config) -> list[Requirement]:
         return own_requirements(config.rootpath / name)
     except CannotRunError as error:
         raise pytest.UsageError(str(error)) from None
+
+
+def blocked_fails(config: pytest.Config) -> bool:
+    """Return whether a test whose bench cannot answer it is a failure.
+
+    Raises:
+        pytest.UsageError: The setting is neither `skip` nor `fail`.
+
+    """
+    wanted = str(config.getoption("--hil-blocked") or config.getini("hil_blocked"))
+    if wanted not in ("skip", "fail"):
+        raise pytest.UsageError(f"hil_blocked: {wanted!r} is not allowed; allowed: skip, fail")
+    return wanted == "fail"
 
 
 def run_seed(config: pytest.Config) -> int:
@@ -168,11 +190,12 @@ def check_options(config: pytest.Config) -> None:
     """Refuse options that lead nowhere.
 
     Raises:
-        pytest.UsageError: Evidence is asked for, and there is no folder for it.
+        pytest.UsageError: Evidence is asked for, and there is no folder for it; or `hil_blocked` is wrong.
 
     """
     if config.getoption("--hil-evidence") not in (None, "none") and not config.getoption("--hil-report"):
         raise pytest.UsageError("--hil-evidence needs a folder for it: --hil-report DIR")
+    blocked_fails(config)
 
 
 def requirements_of(item: pytest.Item) -> list[str]:

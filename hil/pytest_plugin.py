@@ -20,11 +20,13 @@ import pytest
 
 from hil._built import listen
 from hil._plugin_settings import (
+    BLOCKED,
     REQUIREMENT,
     add_markers,
     add_options,
     bench_of_mark,
     bench_reference,
+    blocked_fails,
     check_options,
     own_requirements_of,
     report_folder,
@@ -74,6 +76,10 @@ class Session:
         """Tests that have taken their xdist worker along, with what xdist says of it."""
         self._broken: list[str] = []
         """Why the reports of xdist workers are not complete."""
+        self._blocked: dict[str, str] = {}
+        """Tests that their bench cannot answer, with the reason."""
+        self._answered = False
+        """Whether a test has passed or failed."""
         self._own: list[Requirement] = []
         """Requirements of the user, which lead the report."""
         if report_folder(config) is not None and not self._worker:
@@ -135,6 +141,11 @@ class Session:
         """
         if str(report.when) == _CRASHED:
             self._crashed[report.nodeid] = report.longreprtext
+        blocked = str(getattr(report, BLOCKED, ""))
+        if blocked:
+            self._blocked[report.nodeid] = blocked
+        elif report.outcome == "failed" or (report.when == "call" and report.outcome == "passed"):
+            self._answered = True
         identifiers = [str(value) for name, value in report.user_properties if name == REQUIREMENT]
         if not identifiers or self._worker:
             return
@@ -168,8 +179,13 @@ class Session:
             from hil.errors import BlockedError, UnsupportedFaultError
 
             if isinstance(raised, (BlockedError, UnsupportedFaultError)):
-                report.outcome = "skipped"
-                report.longrepr = (str(item.path), item.location[1] or 0, f"blocked: {raised}")
+                failed = False
+                setattr(report, BLOCKED, str(raised))
+                if blocked_fails(self._config):
+                    report.longrepr = f"blocked: {raised}"
+                else:
+                    report.outcome = "skipped"
+                    report.longrepr = (str(item.path), item.location[1] or 0, f"blocked: {raised}")
         if failed and report.failed:
             self._add_section(record, report)
         if self.report is not None:
@@ -231,6 +247,8 @@ class Session:
     def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> None:
         """Write the requirement results and the report; a file that cannot be written is no success."""
         self._stop()
+        if self._blocked and not self._answered and exitstatus == pytest.ExitCode.OK and not self._worker:
+            session.exitstatus = pytest.ExitCode.NO_TESTS_COLLECTED  # nothing was tested
         if self._log is not None:
             from hil._plugin_results import write_results
 
@@ -271,7 +289,9 @@ class Session:
         )
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        """Say where the report is, or why it is not complete."""
+        """Say which tests the bench could not answer, and where the report is, or why it is not complete."""
+        if self._blocked:
+            self._tell_blocked(terminalreporter)
         if self._broken:
             terminalreporter.write_line(
                 f"the bench report is not complete, because a file could not be written: {self._broken[0]}",
@@ -279,6 +299,17 @@ class Session:
             )
         elif self._written is not None:
             terminalreporter.write_line(f"bench report: {self._written}")
+
+    def _tell_blocked(self, terminalreporter: pytest.TerminalReporter) -> None:
+        by_reason: dict[str, list[str]] = {}
+        for test, reason in self._blocked.items():
+            by_reason.setdefault(reason.partition("\n")[0], []).append(test)
+        terminalreporter.section("blocked: not passed, the bench cannot answer")
+        for reason, tests in by_reason.items():
+            more = f" and {len(tests) - 1} more" if len(tests) > 1 else ""
+            terminalreporter.write_line(f"{tests[0]}{more}: {reason}")
+        if not self._answered:
+            terminalreporter.write_line("every test is blocked: nothing was tested", red=True)
 
 
 _SESSION: Final = pytest.StashKey[Session]()

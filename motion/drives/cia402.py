@@ -9,6 +9,7 @@ setpoint is latched at SYNC k+1 and interpolated by the drive until SYNC k+2.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from struct import Struct
@@ -43,6 +44,8 @@ from motion.drives.cia402_plan import (
     MODE_IP,
     MODE_PV,
     POSITION,
+    PROFILE_ACCELERATION,
+    PROFILE_DECELERATION,
     STANDARD,
     STATUS,
     TARGET_POSITION,
@@ -69,9 +72,10 @@ _TPDO3: Final = Struct("<HB")
 
 _VELOCITY_UNIT_MILLI_RPM: Final = 0xFDB44700
 _PROFILE: Final = 402
-_PROFILE_ACCELERATION: Final = 0x608300
 _STEEP: Final = 10.0
-"""How much steeper than OFF3 the drive may accelerate in profile velocity."""
+"""How much steeper than OFF3 the ramps of the drive are in profile velocity."""
+_SHUTDOWN: Final = 0x0006
+_ENABLE_OPERATION: Final = 0x000F
 _ACKNOWLEDGED: Final = (Parameter(0x6040, 0, 0x0080, 2), Parameter(0x6040, 0, 0, 2))
 _POSITION_MODES: Final = (MODE_CSP, MODE_IP)
 _POSITION_TARGETS: Final = (TARGET_POSITION, INTERPOLATION_DATA)
@@ -228,6 +232,14 @@ class Cia402Port(LinkedPort):
             device_profile=_PROFILE if plan.is_402 else None,
             taken=plan.rows,
         )
+
+    @property
+    @override
+    def delay_ns(self) -> int:
+        # In pv a setpoint counts from its SYNC on, and not from the middle of the way to it.
+        if self._mapped is not None and self._mapped.mode == MODE_PV:
+            return self._cycle_ns * 3 // 2
+        return super().delay_ns
 
     def parameters(self) -> list[tuple[int, int, int]]:
         """Return what commissioning may write, in order: (index, sub-index, value)."""
@@ -441,9 +453,11 @@ class MappedData:
         "_increments_per_turn",
         "_last_position",
         "_master",
+        "_off1_rpm",
         "_receive",
         "_scale",
         "_sent",
+        "_speed_rpm",
         "_target",
         "_travelled",
         "brings_fault_code",
@@ -463,6 +477,8 @@ class MappedData:
         self.increments_per_unit = self._scale = plan.increments_per_unit
         self._increments_per_turn = config.increments_per_revolution
         self._cycle_min = config.cycle_ns / 60e9
+        self._off1_rpm = config.off1_deceleration_rpm_s * config.cycle_ns / 1e9 if plan.ramps_off1 else 0.0
+        self._speed_rpm = 0.0
         self.velocity_unit_rpm = plan.velocity_unit_rpm
         carried = {raw >> 8 for use in plan.transmit for raw in use.entries}
         self.brings_speed = VELOCITY in carried
@@ -537,6 +553,8 @@ class MappedData:
             speed_rpm: At the motor shaft.
 
         """
+        if self._off1_rpm:
+            control, speed_rpm = self._with_own_off1(control, speed_rpm)
         if (
             self.mode in _POSITION_MODES
             and control & 0x000F == 0x000F
@@ -546,6 +564,20 @@ class MappedData:
         else:
             self._target = float(self._travelled)
         self._put(control, speed=round(speed_rpm / self.velocity_unit_rpm))
+
+    def _with_own_off1(self, control: int, speed_rpm: float) -> tuple[int, float]:
+        """Return control word and setpoint for OFF1 by the controller: the drive stays enabled until the ramp
+        has ended.
+        """
+        if control == _SHUTDOWN and self.values[STATUS] & 0x006F == 0x0027:
+            step = self._off1_rpm
+            if abs(self._speed_rpm) > step:
+                speed_rpm = self._speed_rpm - math.copysign(step, self._speed_rpm)
+                control = _ENABLE_OPERATION
+            else:
+                speed_rpm = 0.0
+        self._speed_rpm = speed_rpm
+        return control, speed_rpm
 
     def send_position(self, control: int, position: int) -> None:
         """Send control word and a position, increments, signed 32 bit."""
@@ -611,7 +643,7 @@ def _parameters(config: Cia402PortConfig) -> list[tuple[int, int, int, int]]:
         (0x605B, 0, 1, u16),
         (0x605C, 0, 1, u16),
         (0x605E, 0, config.fault_reaction, u16),
-        (0x6084, 0, round(config.off1_deceleration_rpm_s / unit), u32),
+        *([] if plan.ramps_off1 else [(0x6084, 0, round(config.off1_deceleration_rpm_s / unit), u32)]),
         (0x6085, 0, round(config.off3_deceleration_rpm_s / unit), u32),
         *_steep(plan, _STEEP * config.off3_deceleration_rpm_s / unit),
         (0x6060, 0, plan.mode, u8),
@@ -619,8 +651,11 @@ def _parameters(config: Cia402PortConfig) -> list[tuple[int, int, int, int]]:
 
 
 def _steep(plan: DrivePlan, wanted: float) -> Iterator[tuple[int, int, int, int]]:
-    """Yield the acceleration of profile velocity: the axis makes the ramps, the drive shall add nothing."""
-    entry = (plan.writable or {}).get(_PROFILE_ACCELERATION)
-    if plan.mode == MODE_PV and entry is not None:
-        high = entry.type_range[1] if entry.high is None else int(entry.high)
-        yield 0x6083, 0, min(round(wanted), high), entry.size
+    """Yield the ramps of profile velocity: the axis makes its own, the drive shall add nothing."""
+    if plan.mode != MODE_PV:
+        return
+    for key in (PROFILE_ACCELERATION, PROFILE_DECELERATION):
+        entry = (plan.writable or {}).get(key)
+        if entry is not None:
+            high = entry.type_range[1] if entry.high is None else int(entry.high)
+            yield key >> 8, 0, min(round(wanted), high), entry.size

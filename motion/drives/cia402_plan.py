@@ -7,7 +7,7 @@ the plan then takes what is there, and says what is lost.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -27,7 +27,7 @@ _BY_NAME: Final[Mapping[str, int]] = {**MODES, "cst": MODE_CST}
 _SUPPORTED_BIT: Final = {MODE_PV: 2, MODE_IP: 6, MODE_CSP: 7, MODE_CSV: 8, MODE_CST: 9}
 _COSTS: Final = {
     MODE_CSV: "",
-    MODE_PV: "mode pv: the deceleration 6084h of the drive, which is that of OFF1, limits the dynamics",
+    MODE_PV: "mode pv: setpoints step with the cycle, nothing between them; OFF1 is a ramp of the controller",
     MODE_CSP: "mode csp: the drive controls the position; its own following error comes on top of the axis's",
     MODE_IP: "mode ip: as csp; setpoints reach the drive through 60C1h:1",
     MODE_CST: "",
@@ -64,6 +64,8 @@ _LOST: Final = {
 }
 _SENT: Final = (CONTROL, MODE, TARGET_VELOCITY, TARGET_POSITION, TARGET_TORQUE, INTERPOLATION_DATA)
 """What the controller has a value for in every cycle."""
+PROFILE_ACCELERATION: Final = 0x608300
+PROFILE_DECELERATION: Final = 0x608400
 _ABORT_CONNECTION: Final = 0x600700
 _FAULT: Final = 1
 _MAX_TORQUE: Final = 0x607200
@@ -111,6 +113,8 @@ class DrivePlan:
     """Increments of the encoder in a position unit of the drive."""
     is_402: bool = True
     """1000h says that the device is a drive."""
+    ramps_off1: bool = False
+    """Mode pv: the controller makes the ramp of OFF1, so that the drive's own (6084h) can be steep."""
     limits_torque: bool = True
     """The drive has a torque limit that can be written (6072h)."""
     faults_outside_operation: bool = False
@@ -308,6 +312,7 @@ def _plan(
         sets_units=sets_units,
         increments_per_unit=1.0 if scaled else increments_per_unit,
         is_402=_number(entries, 0x100000) & 0xFFFF in (0, 402),
+        ramps_off1=mode == MODE_PV and PROFILE_DECELERATION in writable,
         limits_torque=_MAX_TORQUE in writable,
         faults_outside_operation=_ABORT_CONNECTION in writable
         and _number(entries, _ABORT_CONNECTION) == _FAULT,
@@ -338,7 +343,9 @@ def _notes(
 ) -> Iterator[str]:
     """Yield what is lost against the standard plan."""
     writable = {key for key, entry in entries.items() if entry.writable and entry.integer}
-    if _COSTS[mode]:
+    if mode == MODE_PV:
+        yield from _costs_of_pv(entries, writable)
+    elif _COSTS[mode]:
         yield _COSTS[mode]
     yield from (text for key, text in _LOST.items() if key in lacking)
     if unit_rpm is not None:
@@ -355,6 +362,24 @@ def _notes(
         kind = ((0x1800 if slot.transmit else 0x1400) + slot.number - 1) << 8 | 2
         if kind in slot.fixed and kind in entries and _number(entries, kind) != slot.kind:
             yield f"{slot.name} keeps the transmission type {_number(entries, kind)}"
+
+
+def _costs_of_pv(entries: Mapping[int, Entry], writable: Container[int]) -> Iterator[str]:
+    """Yield what it means that the drive ramps its setpoint itself."""
+    if PROFILE_DECELERATION in writable:
+        yield _COSTS[MODE_PV]
+    for key, what in ((PROFILE_ACCELERATION, "acceleration"), (PROFILE_DECELERATION, "deceleration")):
+        entry = entries.get(key)
+        if key in writable and entry is not None and entry.high is not None:
+            if entry.high < entry.type_range[1]:
+                yield f"mode pv: {named(key)} is at most {entry.high} units: steeper ramps lag behind"
+        elif key not in writable:
+            off1 = ", also with OFF1" if key == PROFILE_DECELERATION else ""
+            value = _number(entries, key)
+            yield (
+                f"mode pv: {named(key)} cannot be written: the drive keeps its {what}{off1} "
+                f"({f'{value} units' if value else 'not known'})"
+            )
 
 
 def _number(entries: Mapping[int, Entry], key: int) -> int:

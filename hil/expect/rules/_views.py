@@ -355,6 +355,12 @@ class DriveView:
         codes = [code for code, text in signal.enum.items() if normal_state(text) in texts]
         return np.isin(np.rint(signal.values), codes)
 
+    def shows(self, column: str, *texts: str) -> Flags:
+        """Return the samples in which a column has one of some texts."""
+        signal = self._trace[f"{self.name}.{column}"]
+        codes = [code for code, text in signal.enum.items() if text in texts]
+        return np.isin(np.rint(signal.values), codes)
+
     def number(self, name: str) -> float | None:
         """Return a number of the bench file."""
         return self.whole.numbers.get(f"{self.name}.{name}")

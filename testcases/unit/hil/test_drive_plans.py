@@ -6,13 +6,14 @@ import re
 
 import pytest
 
+import hil
 from fieldbus.canopen.dictionary import entries_of
 from fieldbus.canopen.eds import load_dictionary
 from fieldbus.errors import ConfigurationError
 from hil.bench import BenchFile
 from hil.cli import main
 from motion.drives.cia402_plan import MODES, STANDARD
-from testcases.unit.hil.eds_of_drives import NODE, bench_of, drive_eds, plan_of
+from testcases.unit.hil.eds_of_drives import NODE, bench_of, built, drive_eds, plan_of
 
 pytestmark = pytest.mark.exhaustive
 
@@ -167,3 +168,43 @@ def test_commission_needs_a_drive_with_an_axis(capsys):
     """A bench without one is refused, with its name."""
     assert main(["commission", "profidrive"]) == 2
     assert "no CiA 402 drive with an axis" in capsys.readouterr().err
+
+
+def test_profile_velocity_brakes_as_the_axis_wants(tmp_path):
+    """In pv the axis brakes with its own values, and by OFF1 within its time, whatever 6084h was before."""
+    slow = bench_of(tmp_path, drive_eds(changed={0x6502: "0x24", 0x6084: 300}), "off1_ramp_s = 8.0\n")
+    file = BenchFile(slow.source, f'{slow.text}"Actor.RemoveEnableReaction" = 1\n')
+    with built(file) as bench:
+        axis, drive = bench.axis(), bench.drive()
+        power = axis.power()
+        assert bench.run_until(lambda: bool(power.Status), 2.0)
+        job = axis.move_velocity(200.0)
+        assert bench.run_until(lambda: job.InVelocity, 2.0)
+        job = axis.halt()
+        assert bench.run_until(job.done, 1.5)
+        job = axis.move_velocity(200.0)
+        assert bench.run_until(lambda: job.InVelocity, 2.0)
+        bench.run_for(0.1)
+        share = drive.core.velocity * 60.0 / math.tau / bench.config.drive["d"].max_speed_rpm
+        assert share > 0.2
+        hil.Injector(bench).inject("axis.alarm", "a", number=521, reaction=4)
+        begin_s = bench.scheduler.now / 1e9
+        assert bench.run_until(lambda: not drive.core.enabled, 6.0)
+        assert bench.scheduler.now / 1e9 - begin_s == pytest.approx(8.0 * share, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("options", "note"),
+    [
+        ({}, "OFF1 is a ramp of the controller"),
+        (
+            {"read_only": (0x6084,)},
+            "6084h cannot be written: the drive keeps its deceleration, also with OFF1",
+        ),
+        ({"without": (0x6083,)}, "6083h cannot be written: the drive keeps its acceleration"),
+    ],
+)
+def test_the_costs_of_profile_velocity_are_said(tmp_path, options, note):
+    """The plan says what pv does to the ramps of the axis, and which of them the drive keeps."""
+    plan = plan_of(bench_of(tmp_path, drive_eds(changed={0x6502: "0x24"}, **options)))
+    assert any(note in text for text in plan.notes), plan.notes

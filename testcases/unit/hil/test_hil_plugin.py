@@ -83,6 +83,23 @@ def test_the_fixtures_give_a_bench_and_its_parts(suite):
     result.stdout.fnmatch_lines(["*ExpectationFailedError: Alarm 999 did not come*no alarm came*"])
 
 
+def test_blocked_is_not_passed(suite):
+    """The summary names what the bench cannot answer; alone it is exit code 5, and with `fail` a failure."""
+    options = ("-p", "no:cacheprovider", BENCH, "--hil-report=rep")
+    reason = "*test_machine.py::test_blocked: frame.corrupt cannot be injected on a live bench*"
+    result = suite.runpytest(*options)
+    result.stdout.fnmatch_lines(["*blocked: not passed*", reason])
+    assert result.ret == pytest.ExitCode.TESTS_FAILED
+    alone = suite.runpytest(*options, "-k", "blocked")
+    alone.stdout.fnmatch_lines([reason, "*nothing was tested*"])
+    assert alone.ret == pytest.ExitCode.NO_TESTS_COLLECTED
+    strict = suite.runpytest(*options, "-k", "blocked", "--hil-blocked=fail")
+    strict.assert_outcomes(failed=1)
+    strict.stdout.fnmatch_lines(["*blocked: frame.corrupt cannot be injected on a live bench*"])
+    (case,) = load_run(suite.path / "rep").cases
+    assert case.verdict.value == "blocked"
+
+
 def test_requirement_results_are_recorded_by_outcome(suite):
     """Each marked test leaves its identifiers and outcome; only a clean pass counts as covering."""
     suite.runpytest("-p", "no:cacheprovider", BENCH)
