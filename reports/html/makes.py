@@ -26,6 +26,8 @@ WIDTH, HEIGHT = 340, 150
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44, 8, 10, 20
 _LINE: Final = 0.06
 """Share of the distance of two ticks."""
+_MUCH: Final = 0.1
+"""Share by which a way is longer that is worth a look."""
 _OPEN: Final = 3
 """Pairs whose curves are shown at first."""
 
@@ -48,6 +50,7 @@ def side_by_side(run: RunResult) -> list[JsonObject]:
     shown.sort(key=lambda pair: not pair["both"])
     for number, pair in enumerate(shown):
         pair["open"] = number < _OPEN
+        pair["anchor"] = f"pair-{number + 1}"
     return shown
 
 
@@ -61,8 +64,26 @@ def _pair(cases: Sequence[CaseResult]) -> JsonObject:
         "velocity": quantity(round(abs(first.velocity), 1), "mm/s") if first else "",
         "makes": [_make(case) for case in cases],
         "both": len(reactions) == len(cases),
+        "change": _change(reactions),
         "plots": _plots(cases) if len(reactions) > 1 else [],
     }
+
+
+def _change(reactions: Sequence[Reaction]) -> JsonObject:
+    """Return by how much longer way and time of the last make are than those of the first; empty texts where
+    one of them did not stop.
+    """
+    changes: JsonObject = {"distance": "", "stop": "", "much": False}
+    if len(reactions) < 2:
+        return changes
+    first, last = reactions[0], reactions[-1]
+    if first.distance is not None and last.distance is not None:
+        longer = last.distance - first.distance
+        changes["distance"] = f"{longer:+.2f} mm"
+        changes["much"] = abs(longer) > _MUCH * max(first.distance, last.distance)
+    if first.stop_s is not None and last.stop_s is not None:
+        changes["stop"] = f"{(last.stop_s - first.stop_s) * 1000:+.0f} ms"
+    return changes
 
 
 def _make(case: CaseResult) -> JsonObject:
@@ -79,11 +100,13 @@ def _make(case: CaseResult) -> JsonObject:
         return facts
     return {
         **facts,
+        "speed": quantity(round(abs(reaction.velocity), 1), "mm/s"),
         "code": reaction.code or "none",
+        "number": reaction.code.partition(":")[0].partition(" (")[0] or "none",
         "response": reaction.response or ("goes on" if _moves_on(reaction) else "as commanded"),
         "delay": _time(reaction.delay_s) or "-",
         "stop": _time(reaction.stop_s) or ("moves on" if _moves_on(reaction) else "stood already"),
-        "distance": "-" if reaction.distance is None else quantity(round(reaction.distance, 2), "mm"),
+        "distance": "-" if reaction.distance is None else f"{reaction.distance:.2f} mm",
         "go_on": reaction.go_on or "not tried",
     }
 

@@ -47,6 +47,7 @@ _SCRIPTS: Final = (
 )  # fmt: skip
 _PLAIN_ROWS: Final = 500
 _MAKE_ROWS: Final = (
+    ("Speed at the cause", "speed"),
     ("Alarm or error", "code"),
     ("It came after", "delay"),
     ("Controller", "response"),

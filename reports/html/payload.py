@@ -72,6 +72,14 @@ def file_link(path: str) -> str:
     return "./" + quote(plain, safe="/", errors="replace")
 
 
+def _error_of(case: CaseResult) -> list[str]:
+    """Return error code and reaction of an axis that has no alarms."""
+    reaction = case.reaction
+    if reaction is None or not reaction.code:
+        return []
+    return [f"{reaction.code.partition(' (')[0]} {reaction.response}"]
+
+
 def index_entry(case: CaseResult, change: str = "") -> JsonObject:
     """Return what the case list needs to show, search and filter; what is empty is left out.
 
@@ -105,7 +113,7 @@ def index_entry(case: CaseResult, change: str = "") -> JsonObject:
         "tags": case.tags,
         "f": faults,
         "fl": (injected or stops)[:_IN_LIST],
-        "al": (alarms or stop_reactions(case))[:_IN_LIST],
+        "al": (alarms or _error_of(case) or stop_reactions(case))[:_IN_LIST],
         "m": stop_modes(case),
         "c": change,
         "s": _time(case.simulated_s),

@@ -43,6 +43,14 @@ $("#m-stop")?.addEventListener("change", (event) => {
   showCoverage(readHash().query);
 });
 addEventListener("hashchange", route);
+for (const link of document.querySelectorAll("[data-pair]")) {
+  link.addEventListener("click", (event) => {
+    event.preventDefault();
+    const pair = document.getElementById(link.dataset.pair);
+    pair.open = true;
+    pair.scrollIntoView();
+  });
+}
 document.addEventListener("keydown", (event) => {
   if (readHash().view !== "case" || event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input, select, textarea")) return;
   const link = { "[": '[data-step="-1"]', "]": '[data-step="1"]' }[event.key];

@@ -7,10 +7,10 @@ import re
 
 import pytest
 
-from hil._commands.fuzz import fuzz_bench
 from hil._commands.run import RunRequest, list_cases, run_campaigns
 from hil.errors import CannotRunError
 from reports.html.makes import side_by_side
+from reports.html.payload import index_entry
 from reports.store import load_run
 
 pytestmark = pytest.mark.exhaustive
@@ -87,6 +87,19 @@ def test_the_page(run):
     assert 'id="view-makes"' in page
     assert "Controller enable missing" in page
     assert page.count("<polyline") == 6
+    # The table of all pairs: ways and times, and by how much the second make's are longer.
+    ways = [make["distance"] for make in first["makes"]]
+    longer = float(ways[1].split()[0]) - float(ways[0].split()[0])
+    assert first["change"]["stop"] == "+500 ms"
+    assert float(first["change"]["distance"].split()[0]) == pytest.approx(longer, abs=0.011)
+    assert first["change"]["much"]
+    assert shown[1]["change"] == {"distance": "", "stop": "", "much": False}
+    assert first["makes"][1]["number"] == "0x4356"
+    for pair in shown:
+        assert f'<details id="{pair["anchor"]}"' in page
+        assert f'data-pair="{pair["anchor"]}"' in page
+    nc = next(case for case in load_run(run / "faults").cases if case.controller == "nc")
+    assert index_entry(nc)["al"] == ["0x4650 shut down without a ramp"]
 
 
 def test_a_run_of_one_make_has_no_such_page(tmp_path):
@@ -117,20 +130,3 @@ def test_makes_that_there_are_not(tmp_path, capsys):
     capsys.readouterr()
     assert list_cases(RunRequest(paths=("stop_modes",), bench=str(bench), as_json=True)) == 0
     assert all(case["identifier"].endswith("@nc") for case in json.loads(capsys.readouterr().out))
-
-
-def test_generated_programs_are_for_technology_objects(tmp_path):
-    """`hil fuzz` on a bench of NC axes says that it cannot, in place of running nothing."""
-    with pytest.raises(CannotRunError, match="those of an NC"):
-        fuzz_bench(
-            bench="nc-axes:reference",
-            cases=1,
-            seed=0,
-            steps=3,
-            configurations=None,
-            axes=1,
-            jobs=1,
-            corpus=None,
-            report=tmp_path,
-            as_json=True,
-        )
