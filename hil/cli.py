@@ -689,13 +689,26 @@ def fuzz(
         Path | None,
         typer.Option("--corpus", metavar="DIR", help="Begin with the programs in this folder, add new ones."),
     ] = None,
+    pairs: Annotated[
+        bool,
+        typer.Option(
+            "--pairs", help="Run every pair of fault kinds of the bench, in each order, in place of a search."
+        ),
+    ] = False,
+    shard: Annotated[
+        str,
+        typer.Option("--shard", metavar="I/N", help="With --pairs: only the I-th of N parts."),
+    ] = "",
     report: ReportOption = Path("hil-report-fuzz"),
     as_json: JsonOption = False,
 ) -> None:
     """Generate programs of jobs and faults, check invariants, shrink what breaks one."""
-    from hil._commands.fuzz import fuzz_bench
-    from hil._commands.run import parse_jobs
+    from hil._commands.fuzz import fuzz_bench, fuzz_pairs
+    from hil._commands.run import parse_jobs, parse_shard
 
+    if pairs:
+        part = parse_shard(shard)
+        raise typer.Exit(fuzz_pairs(bench=bench, seed=seed, part=part, report=report, as_json=as_json))
     raise typer.Exit(
         fuzz_bench(
             cases=cases,
@@ -938,6 +951,54 @@ def mutants(
         budget_s=parse_duration("--budget", budget),
     )
     raise typer.Exit(seed_defects(request))
+
+
+@app.command()
+def qualify(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Report folder of the run.")],
+    *,
+    mutants: Annotated[
+        Path | None,
+        typer.Option(
+            "--mutants", metavar="DIR", help="Report folder of hil mutants; default: that of the run."
+        ),
+    ] = None,
+    mechanical: Annotated[
+        Path | None,
+        typer.Option("--mechanical", metavar="DIR", help="Report folder of hil mutants --mechanical."),
+    ] = None,
+    peers: Annotated[
+        Path | None,
+        typer.Option("--peers", metavar="FILE", help="JUnit file of tests with software of others."),
+    ] = None,
+    catalogue: Annotated[
+        Path | None,
+        typer.Option("--catalogue", metavar="FILE", help="Requirements of your own, *.csv or *.reqif."),
+    ] = None,
+    directory: Annotated[
+        Path | None,
+        typer.Option("--report", "-r", metavar="DIR", help="Folder to write to; default: that of the run."),
+    ] = None,
+    reqif: Annotated[
+        bool, typer.Option("--reqif/--no-reqif", help="Write the requirements with their verdicts as ReqIF.")
+    ] = True,
+    as_json: JsonOption = False,
+) -> None:
+    """Collect from one run what a laboratory asks of a tool: one page and a ReqIF file."""
+    from hil._commands.qualify import qualify_run
+
+    raise typer.Exit(
+        qualify_run(
+            folder,
+            mutants=mutants,
+            mechanical=mechanical,
+            peers=peers,
+            catalogue=catalogue,
+            directory=directory,
+            reqif=reqif,
+            as_json=as_json,
+        )
+    )
 
 
 @app.command()

@@ -131,13 +131,15 @@ def _deadlines(trace: Trace, axis: str) -> list[tuple[float, float, int]]:
     """Return the alarms with a stop reaction: end of the alarm, latest end of the stop (s), number.
 
     A force from outside ends the deadlines of the alarms that are pending; a fault after which the drive may
-    stop by itself gives it time again.
+    stop by itself gives it time again. While the enable is removed by reaction 4, a further alarm changes
+    nothing: the stop of the drive goes on.
     """
     pushes = [entry.time_ns * 1e-9 for entry in _fault_events(trace, _FORCES)]
     others = [entry.time_ns * 1e-9 for entry in _fault_events(trace, _OTHER_RAMP)]
     pushed = _fault_spans(trace, _FORCES, _FORCES_S)
     other = _fault_spans(trace, _OTHER_RAMP, _OTHER_RAMP_S)
     result = []
+    removed: list[tuple[float, float, float]] = []
     for raised_ns, cleared_ns, number, reaction in pending_alarms(trace, axis):
         raised_s, cleared_s = raised_ns * 1e-9, cleared_ns * 1e-9
         free = not any(begin <= raised_s <= end for begin, end in pushed)
@@ -146,6 +148,9 @@ def _deadlines(trace: Trace, axis: str) -> list[tuple[float, float, int]]:
         by_drive = any(begin <= raised_s <= end for begin, end in other)
         due_s = raised_s + _bound_s(trace, axis, reaction, by_drive=by_drive)
         due_s = max([when + _DRIVE_STOP_S for when in others if raised_s <= when <= cleared_s], default=due_s)
+        due_s = max([due_s, *(due for begin, end, due in removed if begin <= raised_s <= end)])
+        if reaction == 4:
+            removed.append((raised_s, cleared_s, due_s))
         result.append((cleared_s, due_s, number))
     return result
 

@@ -14,6 +14,7 @@ from hil.fuzz._situations import Situation, by_family, situations_of
 
 if TYPE_CHECKING:
     from hil.fuzz._configuration_strategies import configurations
+    from hil.fuzz._pairs import fault_pairs
     from hil.fuzz._search import FuzzReport, search
     from hil.fuzz._strategies import descendants, fault_kinds, programs
 
@@ -37,6 +38,7 @@ __all__ = [
     "default_invariants",
     "descendants",
     "fault_kinds",
+    "fault_pairs",
     "job_names",
     "keep_program",
     "program_token",
@@ -55,6 +57,10 @@ def __getattr__(name: str) -> Any:
         from hil.fuzz import _search
 
         return getattr(_search, name)
+    if name == "fault_pairs":
+        from hil.fuzz import _pairs
+
+        return _pairs.fault_pairs
     if name == "configurations":
         from hil.fuzz import _configuration_strategies
 

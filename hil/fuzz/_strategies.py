@@ -279,6 +279,17 @@ def _fault(kind: str, ids: dict[str, int]) -> SearchStrategy[Step]:
     )
 
 
+def fault_steps(kind: str, ids: dict[str, int]) -> SearchStrategy[Step]:
+    """Return a strategy of steps that inject a fault of a kind.
+
+    Args:
+        kind: As of `fault_kinds`.
+        ids: Identifiers of the drive by message name, as of `identifiers_of`.
+
+    """
+    return _fault(kind, ids)
+
+
 def fault_kinds(bench: Bench) -> list[str]:
     """Return the kinds of the catalogue that a bench can inject and that leave the drive to its controller.
 

@@ -1,0 +1,82 @@
+"""Pairs of fault kinds: every pair in each order, at rest and moving; what breaks is told."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from itertools import combinations_with_replacement
+
+import pytest
+
+from hil.bench import load_bench
+from hil.cli import main
+from hil.fuzz import Break, Do, fault_kinds, fault_pairs, run_program
+from hil.fuzz._pairs import VARIANTS
+
+pytestmark = pytest.mark.exhaustive
+
+
+@pytest.fixture(scope="module")
+def programs():
+    return fault_pairs(load_bench("reference"))
+
+
+def _faults(program):
+    return [step.fault for step in program.steps if isinstance(step, Break)]
+
+
+def test_every_pair_comes_in_each_order_at_rest_and_moving(programs):
+    """No pair of kinds is left out, of different kinds neither order, no combination of order and motion."""
+    with load_bench("reference").build(seed=0) as bench:
+        kinds = fault_kinds(bench)
+    met = Counter()
+    for program in programs:
+        moving = any(isinstance(step, Do) and step.job == "move_velocity" for step in program.steps)
+        met[tuple(fault.kind for fault in _faults(program)), moving] += 1
+    for one, other in combinations_with_replacement(kinds, 2):
+        for pair in {(one, other), (other, one)}:
+            assert met[pair, True], pair
+            assert met[pair, False], pair
+
+
+def test_the_second_comes_while_the_first_acts(programs):
+    """Faults that last overlap: 0.3 s each; each kind has up to two sets of parameters."""
+    variants = {}
+    for program in programs:
+        first, second = _faults(program)
+        assert {first.duration_s, second.duration_s} <= {None, 0.3}
+        variants.setdefault(first.kind, set()).add(str(first.parameters))
+    assert max(map(len, variants.values())) == VARIANTS
+
+
+def test_the_programs_are_the_same_each_time(programs):
+    """The draw depends on the bench and the seed alone."""
+    again = fault_pairs(load_bench("reference"))
+    assert [one.name for one in again] == [one.name for one in programs]
+
+
+def test_an_alarm_behind_a_removed_enable_changes_nothing(programs):
+    """A limit switch that is met while the drive stops by itself gets no stop, and no time, of its own."""
+    found = [
+        one
+        for one in programs
+        if [f.kind for f in _faults(one)] == ["frame.drop", "encoder.freeze"]
+        and "controller_heartbeat" in str(one)
+        and "move_velocity" in str(one)
+    ]
+    assert found
+    for program in found:
+        assert run_program(program, load_bench("reference")).violation is None
+
+
+def test_the_command_runs_a_part(capsys):
+    """`hil fuzz --pairs --shard I/N` runs every N-th program and says how many there were."""
+    assert main(["fuzz", "--pairs", "--shard", "17/2000", "--json"]) == 0
+    captured = capsys.readouterr()
+    found = json.loads(captured.out)
+    assert found["failures"] == []
+    assert found["programs"] in (2, 3)
+    assert f"{found['programs']} programs, 0 of them break an invariant" in captured.err
+    assert main(["fuzz", "--pairs", "--shard", "3"]) == 2
+    assert main(["fuzz", "--pairs", "-b", "nc-axes:reference"]) == 2
+    assert "technology object" in capsys.readouterr().err
