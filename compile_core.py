@@ -6,6 +6,8 @@
 the build of a wheel with `HIL_COMPILE=1` does (`hatch_build.py`). The sources stay ordinary Python, which
 always runs as it is; `core.toml` says what is compiled. Needs mypy, setuptools and a C compiler. C files and
 object files are kept in the working folder, so that a change within functions compiles a few of them again.
+`CC=tcc` in the environment takes seconds in place of minutes: what it makes gives the same results, but is
+slower than pure Python.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import ast
 import hashlib
 import json
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -32,6 +35,15 @@ PACKAGES = ("fieldbus", "emulators", "motion")
 """Packages whose classes make a closed group with those that are compiled."""
 
 
+_WORDS_OF_C = frozenset(
+    f"__{word}"
+    for word in (
+        "alignof", "asm", "attribute", "complex", "const", "imag", "inline", "label", "real", "restrict",
+        "signed", "thread", "typeof", "volatile",
+    )
+)  # fmt: skip
+
+
 class CoreError(Exception):
     """What `core.toml` says cannot be compiled; the message says why."""
 
@@ -45,13 +57,17 @@ def settings() -> dict[str, Any]:
 
 
 class Classes:
-    """Who inherits from whom in the product, by module; read from the sources, nothing is imported."""
+    """Who inherits from whom in the product, by module, and what they name; read from the sources, nothing is
+    imported.
+    """
 
     def __init__(self) -> None:
         self.files = {
             _module_of(path): path for name in PACKAGES for path in sorted((ROOT / name).rglob("*.py"))
         }
-        trees = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in self.files.items()}
+        self._trees = trees = {
+            name: ast.parse(path.read_text(encoding="utf-8")) for name, path in self.files.items()
+        }
         self._classes = {
             name: {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
             for name, tree in trees.items()
@@ -64,6 +80,17 @@ class Classes:
         for name, classes in self._classes.items():
             for one in classes.values():
                 self._note(name, one)
+
+    def words_of_c(self, name: str) -> list[str]:
+        """Return the attributes that a module uses and that, with the underscore which mypyc puts in front of
+        them, are words of C.
+        """
+        path = self.files[name].relative_to(ROOT).as_posix()
+        return [
+            f"{path}:{node.lineno}: {node.attr}"
+            for node in ast.walk(self._trees[name])
+            if isinstance(node, ast.Attribute) and f"_{node.attr}" in _WORDS_OF_C
+        ]
 
     def _note(self, name: str, node: ast.ClassDef) -> None:
         for base in node.bases:
@@ -104,8 +131,8 @@ def compiled_modules() -> list[str]:
     compiled class and an ordinary one do not fit into one family.
 
     Raises:
-        CoreError: A module does not exist, is said to be ordinary as well, or has an heir that has to stay
-            ordinary.
+        CoreError: A module does not exist, is said to be ordinary as well, has an heir that has to stay
+            ordinary, or an attribute that is a word of C.
 
     """
     content = settings()
@@ -130,6 +157,9 @@ def compiled_modules() -> list[str]:
         for heir, how in classes.heirs[name].items():
             if heir not in found:
                 raise CoreError(f"core.toml: {heir} is ordinary, and its {how} inherits from compiled {name}")
+    words = [one for name in sorted(found) for one in classes.words_of_c(name)]
+    if words:
+        raise CoreError(f"words of C, with the underscore that mypyc adds: {', '.join(words)}")
     return sorted([*found, *outside])
 
 
@@ -212,7 +242,7 @@ class _Build:
         self._folder = folder
         self._objects = work / "objects"
         self._objects.mkdir(exist_ok=True)
-        self._compiler = str(sysconfig.get_config_var("CC") or "cc").split()
+        self._compiler = shlex.split(os.environ.get("CC") or str(sysconfig.get_config_var("CC") or "cc"))
         self._headers = hashlib.sha256(
             b"".join(path.read_bytes() for path in sorted(work.glob("*.h")))
         ).hexdigest()
@@ -235,7 +265,8 @@ class _Build:
 
     def _object(self, source: str, flags: Sequence[str]) -> str:
         text = Path(source).read_bytes()
-        key = hashlib.sha256(text + self._headers.encode() + " ".join(flags).encode()).hexdigest()[:24]
+        made_with = " ".join([*self._compiler, *(flag for flag in flags if not flag.startswith("-I"))])
+        key = hashlib.sha256(text + f"{self._headers} {_suffix()} {made_with}".encode()).hexdigest()[:24]
         file = self._objects / f"{key}.o"
         if not file.exists():
             partial = file.with_suffix(".part")

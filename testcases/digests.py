@@ -3,6 +3,7 @@
     python -m testcases.digests record FILE [--part I/N]     run all shipped cases, write their digests
     python -m testcases.digests compare FILE [--part I/N]    run them again, name every case that differs
     python -m testcases.digests cores [--part I/N]           run them pure and compiled, name every case that differs
+                                          [--jobs N]         processes, default one per processor
 
 A digest covers signals, bus log and event log of a case, so equal digests mean equal behaviour to the bit. With
 `--part 1/20` every twentieth case is run, which takes seconds instead of minutes; a file recorded in full
@@ -36,12 +37,12 @@ RUNS = (
 """Campaigns and the bench they run on; no bench: that of the case."""
 
 
-def digests_of(campaigns: tuple[str, ...], bench: str, part: str) -> dict[str, str]:
+def digests_of(campaigns: tuple[str, ...], bench: str, part: str, jobs: str) -> dict[str, str]:
     """Run cases and return `bench, group, identifier: verdict, digest`."""
     paths = [str(CAMPAIGNS / f"{name}.py" if name else CAMPAIGNS) for name in campaigns]
     with tempfile.TemporaryDirectory() as folder:
         command = [
-            sys.executable, "-m", "hil.cli", "run", *paths, "--report", folder, "-j", "auto",
+            sys.executable, "-m", "hil.cli", "run", *paths, "--report", folder, "-j", jobs,
             "--evidence", "none", "--history", "none", *(["--bench", bench] if bench else []),
             *(["--shard", part] if part else []),
         ]  # fmt: skip
@@ -60,11 +61,11 @@ def digests_of(campaigns: tuple[str, ...], bench: str, part: str) -> dict[str, s
             }
 
 
-def all_digests(part: str) -> dict[str, str]:
+def all_digests(part: str, jobs: str) -> dict[str, str]:
     """Run all shipped cases."""
     result: dict[str, str] = {}
     for campaigns, bench in RUNS:
-        result |= digests_of(campaigns, bench, part)
+        result |= digests_of(campaigns, bench, part, jobs)
     return result
 
 
@@ -76,12 +77,13 @@ def main() -> int:
     parser.add_argument("action", choices=("record", "compare", "cores"))
     parser.add_argument("file", type=Path, nargs="?")
     parser.add_argument("--part", default="", help="I/N: run only the I-th of N parts")
+    parser.add_argument("--jobs", default="auto", help="number of processes")
     arguments = parser.parse_args()
     if arguments.action == "cores":
-        return compare_cores(arguments.part)
+        return compare_cores(arguments.part, arguments.jobs)
     if arguments.file is None:
         parser.error("FILE is missing")
-    now = all_digests(arguments.part)
+    now = all_digests(arguments.part, arguments.jobs)
     if arguments.action == "record":
         arguments.file.write_text(json.dumps(now, indent=0, sort_keys=True), encoding="utf-8")
         print(f"{len(now)} digests written to {arguments.file}")
@@ -91,12 +93,12 @@ def main() -> int:
     return tell(wanted, now, ("before", "now"))
 
 
-def compare_cores(part: str) -> int:
+def compare_cores(part: str, jobs: str) -> int:
     """Run pure, then compiled with another hash seed; return the exit code."""
     found = []
     for core, hash_seed in (("pure", "1"), ("compiled", "2")):
         os.environ.update(HIL_CORE=core, PYTHONHASHSEED=hash_seed)
-        found.append(all_digests(part))
+        found.append(all_digests(part, jobs))
     return tell(found[0], found[1], ("pure", "compiled"))
 
 

@@ -134,6 +134,16 @@ def _bits_of_eight(data: bytes, crc: int, stuff: _StuffTable, bits: int) -> int:
     return bits + 64 + i + j + k + q + m + n + o + p + r + stuff[256 + (crc & 0x7F)][1]
 
 
+def _bits_of_few(data: bytes, crc: int, stuff: _StuffTable, bits: int) -> int:
+    """Return the bits of a frame with fewer bytes, whose own bits are counted already."""
+    for byte in data:
+        crc = crc << 8 & 0x7FFF ^ _CRC[crc >> 7 ^ byte]
+        stuff, stuffed = stuff[byte]
+        bits += stuffed
+    stuff, stuffed = stuff[crc >> 7]
+    return bits + stuffed + stuff[256 + (crc & 0x7F)][1]
+
+
 def _timing(can_id: int, data: bytes, extended: bool, remote: bool, dlc: int) -> tuple[int, int]:
     key, crc, crc_8, stuff, bits = _header(can_id, extended, remote, dlc)
     length = len(data)
@@ -144,13 +154,7 @@ def _timing(can_id: int, data: bytes, extended: bool, remote: bool, dlc: int) ->
             f"a {'remote' if remote else 'data'} frame with DLC {dlc} carries "
             f"{0 if remote else min(dlc, 8)} data bytes, not {length}"
         )
-    bits += 8 * length
-    for byte in data:
-        crc = crc << 8 & 0x7FFF ^ _CRC[crc >> 7 ^ byte]
-        stuff, stuffed = stuff[byte]
-        bits += stuffed
-    stuff, stuffed = stuff[crc >> 7]
-    return key, bits + stuffed + stuff[256 + (crc & 0x7F)][1]
+    return key, _bits_of_few(data, crc, stuff, bits + 8 * length)
 
 
 timing_of = lru_cache(maxsize=1024)(_timing)
@@ -189,15 +193,28 @@ class FrameMaker:
         self.can_id: Final = can_id
         self.last = CanFrame(can_id)
         """The frame that was made last."""
+        self._dlc = 8
         self._key, _, self._crc, self._stuff, self._bits = _header(can_id, False, False, 8)
+
+    def _prepare(self, dlc: int) -> None:
+        """Be ready for frames with so many bytes: the next ones have as many, as a rule."""
+        self._dlc = dlc
+        self._key, crc, crc_8, self._stuff, bits = _header(self.can_id, False, False, dlc)
+        self._crc, self._bits = (crc_8, bits) if dlc == 8 else (crc, bits + 8 * dlc)
 
     def make(self, data: bytes) -> CanFrame:
         """Return a frame with `data`, 0 to 8 bytes."""
         frame = self.last
         if frame.data != data:
             self.last = frame = CanFrame(self.can_id, data)
-            if frame.dlc == 8:
-                frame.timing = self._key, _bits_of_eight(data, self._crc, self._stuff, self._bits)
+            dlc = frame.dlc
+            if dlc != self._dlc:
+                self._prepare(dlc)
+            if dlc == 8:
+                bits = _bits_of_eight(data, self._crc, self._stuff, self._bits)
+            else:
+                bits = _bits_of_few(data, self._crc, self._stuff, self._bits)
+            frame.timing = self._key, bits
         return frame
 
 

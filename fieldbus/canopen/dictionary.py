@@ -9,7 +9,6 @@ negative numbers.
 from __future__ import annotations
 
 import re
-from operator import attrgetter
 from struct import Struct
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -307,8 +306,6 @@ class Entry:
         return content.ljust(self.size, b"\0")[: self.size] if self.size else content
 
 
-_SLOTS: Final = Entry.__slots__
-_values: Final = attrgetter(*_SLOTS)
 _PROTOTYPES: Final = "_prototypes"
 """Attribute of a shared dictionary: its entries by node-ID, from which those of every device are copied."""
 
@@ -339,9 +336,27 @@ def entries_of(dictionary: canopen.ObjectDictionary, node_id: int) -> dict[int, 
 
 
 def _copied(entry: Entry) -> Entry:
+    # Attribute by attribute: every device has hundreds of entries.
     copy = Entry.__new__(Entry)
-    for name, value in zip(_SLOTS, _values(entry), strict=True):
-        setattr(copy, name, value)
+    copy.base = entry.base
+    copy.bits = entry.bits
+    copy.data_type = entry.data_type
+    copy.default = entry.default
+    copy.given = entry.given
+    copy.high = entry.high
+    copy.index = entry.index
+    copy.key = entry.key
+    copy.low = entry.low
+    copy.maps_receive = entry.maps_receive
+    copy.maps_transmit = entry.maps_transmit
+    copy.name = entry.name
+    copy.readable = entry.readable
+    copy.real = entry.real
+    copy.signed = entry.signed
+    copy.size = entry.size
+    copy.storable = entry.storable
+    copy.sub = entry.sub
+    copy.writable = entry.writable
     return copy
 
 

@@ -77,6 +77,10 @@ class CanopenMaster:
         """Queue a data frame with an 11-bit identifier."""
         self._port.send(CanFrame(cob_id, data))
 
+    def send_frame(self, frame: CanFrame) -> None:
+        """Queue a frame."""
+        self._port.send(frame)
+
     def send_all(self, frames: Iterable[CanFrame]) -> None:
         """Queue several frames."""
         self._port.send_all(frames)

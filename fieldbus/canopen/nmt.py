@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import IntEnum
+from functools import cache
 from typing import Final
 
 
@@ -60,7 +62,8 @@ def is_restricted(can_id: int) -> bool:
     return any(first <= can_id <= last for first, last in _RESTRICTED)
 
 
-def predefined_identifiers(node_id: int) -> dict[int, int]:
+@cache
+def predefined_identifiers(node_id: int) -> Mapping[int, int]:
     """Return the COB-IDs of the predefined connection set, keyed `index << 8 |
     sub-index` (C301-001 to C301-010).
 

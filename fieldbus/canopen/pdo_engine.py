@@ -72,6 +72,8 @@ class PdoEngine:
         self._watchers: dict[int, tuple[Watcher, ...]] = {}
         self._scanned: tuple[ScannedObject, ...] = ()
         self._stale = False
+        self._at_rest = False  # no PDO was in effect at the last `refresh`
+        self._listed: list[tuple[int, bool]] = []  # what `transmitted` was then
         self.multiplexer = Multiplexer(store, send, emcy=emcy, emcy_clear=emcy_clear)
         self.receive = [
             ReceivePdo(
@@ -89,6 +91,7 @@ class PdoEngine:
             TransmitPdo(*place, scheduler=scheduler, values=store.values, cycle=self.cycle, send=send)
             for place in self._places(*_TPDO)
         ]
+        self._mapped = _mapping_entries(store)
         for pdo in (*self.receive, *self.transmit):
             self._install(pdo)
 
@@ -153,7 +156,12 @@ class PdoEngine:
             tpdo.sample = sampler(tpdo.layout, self._store.values, self._store.read_hooks)
 
     def refresh(self) -> None:
-        """Sort the PDOs in effect by what drives them."""
+        """Sort the PDOs in effect by what drives them, and listen to their identifiers."""
+        transmitted = self.transmitted()
+        if self._at_rest and not self.cycle.operational and transmitted == self._listed:
+            return  # a mapping that is written step by step while no PDO is in effect
+        self._at_rest = not self.cycle.operational
+        self._listed = transmitted
         self.cycle.window_ns = self._store.values.get(0x100700, 0) * 1000
         valid = (
             [pdo for pdo in self.transmit if pdo.valid and pdo.layout.fields]
@@ -346,9 +354,8 @@ class PdoEngine:
             store.applied[pdo.key | sub] = apply_time
         store.guards[pdo.map_key] = lambda value: self._check_count(pdo, value)
         store.applied[pdo.map_key] = apply
-        for sub in range(1, 0x100):
-            if pdo.map_key | sub in store.entries:
-                store.guards[pdo.map_key | sub] = lambda value: self._check_map_entry(pdo, value)
+        for key in self._mapped.get(pdo.map_key, ()):
+            store.guards[key] = lambda value: self._check_map_entry(pdo, value)
 
     def _invalid(self, pdo: Pdo) -> bool:
         return bool(self._store.values[pdo.key | 1] >> 31)
@@ -403,6 +410,16 @@ class PdoEngine:
             raise SdoAbort(AbortCode.DEVICE_STATE)
         if value:
             check_mapping_entry(self._store, value, receive=pdo.receive)
+
+
+def _mapping_entries(store: ObjectStore) -> dict[int, list[int]]:
+    """Return the keys of the mapping entries of every mapping record, by the key of its sub-index 0."""
+    result: dict[int, list[int]] = {}
+    for key in store.entries:
+        index = key >> 8
+        if key & 0xFF and any(first <= index < first + _RECORDS for _, first in (_RPDO, _TPDO)):
+            result.setdefault(index << 8, []).append(key)
+    return result
 
 
 def _mapping_name(pdo: Pdo) -> str:

@@ -121,9 +121,10 @@ class ObjectStore:
         predefined set; 0 is no identifier.
         """
         base = predefined_identifiers(0)
-        for key, cob_id in predefined_identifiers(node_id).items():
-            entry = self.entries.get(key)
-            if entry is not None and not entry.default:
+        identifiers = predefined_identifiers(node_id)
+        for key, entry in self.entries.items():
+            cob_id = identifiers.get(key)
+            if cob_id is not None and not entry.default:
                 entry.default = cob_id
                 entry.base = base[key] if base[key] != cob_id else None
         self.load(application=True)

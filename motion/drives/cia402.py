@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 from typing_extensions import override
 
+from fieldbus.can.timing import FrameMaker
 from fieldbus.canopen.node_setup import NodeSetup, Parameter, PdoSetup
 from fieldbus.cia402 import DriveState, decode_state
 from fieldbus.errors import ConfigurationError, HilError
@@ -136,7 +137,7 @@ class Cia402Port(LinkedPort):
         "_master",
         "_max_torque",
         "_probe",
-        "_rpdo1_id",
+        "_rpdo1",
         "_searches",
         "_seen_tpdo1",
         "_sent",
@@ -161,7 +162,7 @@ class Cia402Port(LinkedPort):
         super().__init__(config, name=name, history=history)
         self.node_id = node = config.node_id
         self._master = master
-        self._rpdo1_id = 0x200 + node
+        self._rpdo1 = FrameMaker(0x200 + node)
         self._torque_factor = config.rated_torque_nm / 1000.0
         self._statusword = 0
         self._stw1 = 0
@@ -365,7 +366,7 @@ class Cia402Port(LinkedPort):
         elif milli_rpm < -0x7FFFFFFF:
             milli_rpm = -0x7FFFFFFF
         self._sent = control, milli_rpm
-        self._master.send(self._rpdo1_id, _RPDO1.pack(control, milli_rpm, MODE_CSV))
+        self._master.send_frame(self._rpdo1.make(_RPDO1.pack(control, milli_rpm, MODE_CSV)))
 
     @override
     def write_position(self, stw1: int, position: int) -> None:
@@ -421,7 +422,7 @@ class Cia402Port(LinkedPort):
             if self._mapped is not None:
                 self._mapped.send(0, 0.0)
                 return
-            self._master.send(self._rpdo1_id, _RPDO1.pack(0, 0, MODE_CSV))
+            self._master.send_frame(self._rpdo1.make(_RPDO1.pack(0, 0, MODE_CSV)))
         except HilError:
             return  # the bus is gone already
 

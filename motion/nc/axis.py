@@ -429,7 +429,7 @@ class NcAxis:
         else:
             target = start + command.target if command.relative else command.target
             way = target - start
-            direction = (way > 0.0) - (way < 0.0)
+            direction = float((way > 0.0) - (way < 0.0))
             if 0.0 < abs(way) < self.encoder.scaling * (1.0 - _SLACK):
                 return MOVEMENT_TOO_SMALL
             if outside := self._target_outside(start, target, direction):
@@ -688,8 +688,12 @@ class NcAxis:
         inputs = self.plc_to_nc
         control = inputs.ControlDWord
         enable = control & _ENABLE != 0
-        self._take_enable(enable)
         motion = self.motion
+        if self._enabled and not enable:
+            moves = motion.active is not None or self._group is not None
+            if moves and not self.error:
+                self.raise_error(NO_CONTROLLER_ENABLE)
+        self._enabled = enable
         closed = enable and device.operating and self.error_id == NO_ERROR
         if closed and not self._closed:
             # The loop closes where the axis is (NC-685).
@@ -839,12 +843,6 @@ class NcAxis:
                     encoder = self.encoder_only or device.valid
                     self.raise_error(ENCODER_DATA_INVALID if encoder else DRIVE_DATA_INVALID)
 
-    def _take_enable(self, enable: bool) -> None:
-        moves = self.motion.active is not None or self._group is not None
-        if self._enabled and not enable and moves and not self.error:
-            self.raise_error(NO_CONTROLLER_ENABLE)
-        self._enabled = enable
-
     def _follow_actual(self) -> None:
         self.motion.place(self.encoder.position)
         self.following_error = 0.0
@@ -854,7 +852,7 @@ class NcAxis:
         stop.
         """
         motion = self.motion
-        velocity = motion.v
+        velocity = motion.generator.v + motion.offset_v
         active = motion.active
         if self.discrete is not None and active is not None:
             velocity = float(self.discrete.direction)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 _ENABLE: Final = 0x1
 _FEED_PLUS: Final = 0x2
 _FEED_MINUS: Final = 0x4
+_NO_ENABLES: Final = ~(_ENABLE | _FEED_PLUS | _FEED_MINUS)
 _CAM: Final = 0x20
 _OPERATIONAL: Final = int(State.OPERATIONAL)
 _ERROR: Final = int(State.ERROR)
@@ -163,18 +164,25 @@ class MC_Power(Block):
     def __init__(self, axis: AxisRef, **inputs: float) -> None:
         self.Status = False
         self.Active = False
+        self._given_override = 0.0
+        self._override = 0
+        """What the axis gets for it."""
         super().__init__(axis, **inputs)
 
     @override
     def _call(self) -> None:
         written = self.Axis.PlcToNc
-        word = written.ControlDWord & ~(_ENABLE | _FEED_PLUS | _FEED_MINUS)
+        word = written.ControlDWord & _NO_ENABLES
         if self.Enable:
             word |= _ENABLE
             word |= _FEED_PLUS if self.Enable_Positive else 0
             word |= _FEED_MINUS if self.Enable_Negative else 0
         written.ControlDWord = word
-        written.Override = int(min(max(self.Override, 0.0), 100.0) * (FULL_OVERRIDE / 100.0))
+        override = self.Override
+        if override != self._given_override:
+            self._given_override = override
+            self._override = int(min(max(override, 0.0), 100.0) * (FULL_OVERRIDE / 100.0))
+        written.Override = self._override
         image = self.Axis.NcToPlc
         if self.Enable and self.Axis.axis.encoder_only:  # it has nothing to enable (NC-066)
             self.Error, self.ErrorID = True, BLOCK_NOT_PERMITTED

@@ -16,6 +16,9 @@ TORQUE_OBSERVER: Final = 4
 TWO_SPEED: Final = 5
 STEPPER: Final = 6
 IN_DRIVE: Final = 7
+_PLAIN: Final = frozenset((P, TWO_SPEED, STEPPER, IN_DRIVE))
+"""Without acceleration feedforward and dead band."""
+_PROPORTIONAL: Final = frozenset((P, TORQUE_PID, TORQUE_OBSERVER))
 """Index of the texts of `ctrl.type`."""
 _OFFSET_FEEDFORWARD: Final = 0.01
 """Share of full scale above which the automatic offset stands still (NC-560)."""
@@ -96,7 +99,7 @@ class Controller:
         kind = int(self._type.value)
         feedforward = self._weight.value * velocity
         full = self._reference.value / self._ratio.value
-        if kind not in {P, TWO_SPEED, STEPPER, IN_DRIVE}:
+        if kind not in _PLAIN:
             feedforward += self._ka.value * acceleration
             band = self._dead_band.value
             if -band <= error <= band:
@@ -105,7 +108,7 @@ class Controller:
             output = self._two_gains(velocity) * error
         elif kind == PID:
             output = self._pid(error, full, has_job=has_job)
-        elif kind in {P, TORQUE_PID, TORQUE_OBSERVER}:
+        elif kind in _PROPORTIONAL:
             output = self._kv.value * error
         else:
             output = 0.0

@@ -63,7 +63,7 @@ class Encoder:
         cell = parameters.cell
         self._cycle_s = cycle_s
         self._io_cycle_s = io_cycle_s
-        self._signed = signed
+        self._signed_count = signed
         self._invert = cell("enc.invert_counting_direction")
         self._numerator = cell("enc.scaling_numerator")
         self._denominator = cell("enc.scaling_denominator")
@@ -152,25 +152,13 @@ class Encoder:
                 error = self._beyond(beyond)
         self.hard_increments = raw
         self.soft_increments += -step if self._invert.value else step
-        self._form(correction, age_s)
-        return error
-
-    def _beyond(self, overflows: int) -> int:
-        """Return the error of overflows of an absolute count, signed: none is allowed, or a single one
-        (NC-271, NC-274).
-        """
-        allowed = 0 if int(self._reference_system.value) == ABSOLUTE else 1
-        if abs(overflows) <= allowed:
-            return NO_ERROR
-        return ENCODER_OVERFLOW if overflows > 0 else ENCODER_UNDERFLOW
-
-    def _form(self, correction: float, age_s: float) -> None:
+        cycle_s = self._cycle_s
         scaling = self._numerator.value / self._denominator.value
         position = self.soft_increments * scaling + self._bias.value + self._offset
-        self.derivative = velocity = (position - self._last) / self._cycle_s
+        self.derivative = velocity = (position - self._last) / cycle_s
         self._last = position
         mode = int(self._mode.value)
-        acceleration = (velocity - self._last_velocity) / self._cycle_s
+        acceleration = (velocity - self._last_velocity) / cycle_s
         self._last_velocity = velocity
         self.velocity = self._velocity_filter.step(velocity) if mode >= _POSVELO else 0.0
         self.acceleration = self._acceleration_filter.step(acceleration) if mode == _POSVELOACC else 0.0
@@ -189,6 +177,16 @@ class Encoder:
         else:
             self._position_filter.value = position
             self.position = position + correction
+        return error
+
+    def _beyond(self, overflows: int) -> int:
+        """Return the error of overflows of an absolute count, signed: none is allowed, or a single one
+        (NC-271, NC-274).
+        """
+        allowed = 0 if int(self._reference_system.value) == ABSOLUTE else 1
+        if abs(overflows) <= allowed:
+            return NO_ERROR
+        return ENCODER_OVERFLOW if overflows > 0 else ENCODER_UNDERFLOW
 
     def begin(self, raw: int, retained: Retained | None) -> int:
         """Define the position from the first count after a start, and from what was kept (NC-268 to NC-279).
@@ -207,7 +205,7 @@ class Encoder:
         self._range = self.turn if system == SINGLETURN_RANGE else self.span
         if system not in {ABSOLUTE, MULTITURN_RANGE, SINGLETURN_RANGE}:
             self._range = 0  # overflows are counted without end
-        low = -(self.span // 2) if self._signed and system != SINGLETURN_RANGE else 0
+        low = -(self.span // 2) if self._signed_count and system != SINGLETURN_RANGE else 0
         self._unwrapped = (raw - low) % self._range if self._range else 0
         self.homed = system in {ABSOLUTE, MULTITURN_RANGE, SINGLETURN_RANGE}
         if system in {MULTITURN_RANGE, SINGLETURN_RANGE}:

@@ -117,6 +117,28 @@ class OpMode(IntFlag):
 class PlcToNc:
     """`PLCTONC_AXIS_REF`, 128 byte: what the PLC says to the axis."""
 
+    __slots__ = (
+        "AxisModeDWord",
+        "AxisModeLReal",
+        "AxisModeRequest",
+        "ControlDWord",
+        "ExtControllerOutput",
+        "ExtSetAcc",
+        "ExtSetDirection",
+        "ExtSetPos",
+        "ExtSetVelo",
+        "ExtTorque",
+        "GearRatio1",
+        "GearRatio2",
+        "GearRatio3",
+        "GearRatio4",
+        "MapState",
+        "Override",
+        "PlcCycleControl",
+        "PlcCycleCount",
+        "PositionCorrection",
+    )
+
     def __init__(self) -> None:
         self.ControlDWord = 0
         self.Override = 0
@@ -221,6 +243,48 @@ class PlcToNc:
 
 class NcToPlc:
     """`NCTOPLC_AXIS_REF`, 256 byte: what the axis says to the PLC."""
+
+    __slots__ = (
+        "ActAcc",
+        "ActPos",
+        "ActPosWithoutPosCorrection",
+        "ActTorque",
+        "ActTorqueDerivative",
+        "ActVelo",
+        "ActiveControlLoopIndex",
+        "AxisId",
+        "AxisModeConfirmation",
+        "AxisState",
+        "CamCouplingState",
+        "CamCouplingTableID",
+        "CmdNo",
+        "CmdState",
+        "ControlLoopIndex",
+        "CoupleState",
+        "DcTimeStamp",
+        "ErrorCode",
+        "HomingState",
+        "ModuloActPos",
+        "ModuloActTurns",
+        "ModuloSetPos",
+        "ModuloSetTurns",
+        "OpModeDWord",
+        "PosDiff",
+        "SafEntries",
+        "SetAcc",
+        "SetJerk",
+        "SetPos",
+        "SetTorque",
+        "SetTorqueDerivative",
+        "SetVelo",
+        "StateDWord",
+        "StateDWord2",
+        "StateDWord3",
+        "SvbEntries",
+        "TargetPos",
+        "TouchProbeCounter",
+        "TouchProbeState",
+    )
 
     def __init__(self) -> None:
         self.clear()

@@ -94,7 +94,13 @@ class Motion:
     @property
     def arrived(self) -> bool:
         """Whether the set position has reached the target."""
-        return self.has_target and self.standing and abs(self.s - self.target) <= _STANDS
+        generator = self.generator
+        return (
+            self.has_target
+            and generator.done
+            and -_STANDS <= generator.v + self.offset_v <= _STANDS
+            and abs(generator.s + self.offset - self.target) <= _STANDS
+        )
 
     def set_offset(self, s: float, v: float, a: float) -> None:
         """Add external setpoints to those of the profile (NC-584)."""

@@ -22,6 +22,7 @@ from motion.s7.data._variables import (
     elements,
     object_types,
     parameters_of,
+    paths_of,
     variables_of,
 )
 from motion.s7.units import UnitFactors, unit_factors
@@ -50,6 +51,8 @@ ERROR_PARAMETER_VALUE: Final = 0x8FFF
 
 _BIT: Final = re.compile(r"(.+)\.%?X(\d+)$")
 _WORDS: Final = ("DWORD", "WORD")
+_NO_FACTORS: Final = UnitFactors()
+"""The units of the user program are those of the runtime."""
 
 
 class Violation(NamedTuple):
@@ -160,9 +163,8 @@ class VariableStore:
         self._on_programming_error = on_programming_error
         self._variables: dict[str, StoredVariable] = {}
         variables = self._variables
-        for variable in variables_of(object_type):
-            for path in elements(variable):
-                variables[path] = StoredVariable(path, variable, variable.initial)
+        for path, variable in paths_of(object_type):
+            variables[path] = StoredVariable(path, variable, variable.initial)
         self._parameters = parameters_of(object_type)
         self._parameter_cells = {
             number: StoredVariable(parameter.name, None, parameter.default)
@@ -185,14 +187,15 @@ class VariableStore:
                 encoder=object_type == "ExternalEncoder",
             )
             if "Units.VelocityUnit" in variables
-            else UnitFactors()
+            else _NO_FACTORS
         )
         """What the units of the user program are within the runtime (CFG-072)."""
-        for stored in variables.values():
-            factor = self.factors.of(stored.variable.unit) if stored.variable is not None else 1.0
-            if factor != 1.0:
-                stored.factor = factor
-                stored.put(stored.cell.value)
+        if self.factors != _NO_FACTORS:
+            for stored in variables.values():
+                factor = self.factors.of(stored.variable.unit) if stored.variable is not None else 1.0
+                if factor != 1.0:
+                    stored.factor = factor
+                    stored.put(stored.cell.value)
 
     # -- reading
     # ----------------------------------------------------------------------------------------------

@@ -101,28 +101,32 @@ class ScaledCurve:
         """Return the number of the run in which `x` lies, 0 for the first; always 0 when it is run once."""
         if self.mode == ONCE:
             return 0
-        # As `_cycle` of `argument`: both functions are called in every cycle of every following axis.
-        curve = self.curve
-        argument = (x - self.master_offset) / self.master_scaling
-        return floor((argument - curve.start) / curve.period + _ROUNDING)
+        return self._cycle(self.argument(x))
 
     def evaluate(self, x: float) -> Values:
         """Return the following value and its first two derivatives by the scaled leading value."""
+        return self.follow(x)[:3]
+
+    def follow(self, x: float) -> tuple[float, float, float, int]:
+        """Return what `evaluate` and `cycle` do; called in every cycle of a following axis."""
         curve, slave, master = self.curve, self.slave_scaling, self.master_scaling
         argument = (x - self.master_offset) / master
         added = 0.0
-        if self.mode != ONCE and not curve.start <= argument < curve.end:
-            cycle = floor((argument - curve.start) / curve.period + _ROUNDING)
-            argument -= cycle * curve.period
-            if argument < curve.start:  # noqa: PLR1730 - `max` costs a call
-                argument = curve.start
-            if self.mode == APPENDING:
-                added = cycle * curve.lift
+        cycle = 0
+        if self.mode != ONCE:
+            cycle = floor((argument - curve.start) / curve.period + _ROUNDING)  # as `_cycle`, without a call
+            if not curve.start <= argument < curve.end:
+                argument -= cycle * curve.period
+                if argument < curve.start:  # noqa: PLR1730 - `max` costs a call
+                    argument = curve.start
+                if self.mode == APPENDING:
+                    added = cycle * curve.lift
         y, d, dd = curve.evaluate(argument)
         return (
             (y + added) * slave + self.slave_offset,
             d * slave / master,
             dd * slave / (master * master),
+            cycle,
         )
 
     def leading_value(

@@ -29,6 +29,9 @@ class Function(Protocol):
     def evaluate(self, x: float) -> Values:
         """Return the following value and its first two derivatives."""
 
+    def follow(self, x: float) -> tuple[float, float, float, int]:
+        """Return what `evaluate` and `cycle` do; called in every cycle of a following axis."""
+
     def cycle(self, x: float) -> int:
         """Return the number of the run in which `x` lies, 0 for the first and for what is no cycle."""
 
@@ -46,6 +49,10 @@ class Line:
     def evaluate(self, x: float) -> Values:
         """Return the following value and its first two derivatives."""
         return self._y + self._numerator * (x - self._x) / self._denominator, self._ratio, 0.0
+
+    def follow(self, x: float) -> tuple[float, float, float, int]:
+        """Return what `evaluate` and `cycle` do."""
+        return self._y + self._numerator * (x - self._x) / self._denominator, self._ratio, 0.0, 0
 
     def cycle(self, x: float) -> int:  # noqa: ARG002 - a line has no runs
         """Return 0."""
@@ -431,7 +438,18 @@ class FunctionCoupling:
             self.synchronous = True
             leading.sense = 0.0
             self._run = self.function.cycle(x - self.base_x)
-        self._follow(x)
+        local = x - self.base_x
+        if not self._low < local < self._high and self._at_end(local, leading.increment):
+            return
+        y, slope, curvature, run = self.function.follow(local)
+        if run != self._run:
+            self._run = run
+            self.passes += 1
+        velocity = leading.velocity
+        self.s = y + self.base_y
+        self.v = slope * velocity
+        self.a = curvature * velocity * velocity + slope * leading.acceleration
+        self.slope, self.curvature = slope, curvature
 
     def _approach(self, cycle_s: float, x: float, maximum: float) -> bool:
         """Go on towards the function; returns whether it has been reached."""
@@ -468,22 +486,6 @@ class FunctionCoupling:
             )
             self.reversed = wrong > _PLACE
         return False
-
-    def _follow(self, x: float) -> None:
-        leading = self.leading
-        local = x - self.base_x
-        if not self._low < local < self._high and self._at_end(local, leading.increment):
-            return
-        y, slope, curvature = self.function.evaluate(local)
-        run = self.function.cycle(local)
-        if run != self._run:
-            self._run = run
-            self.passes += 1
-        velocity = leading.velocity
-        self.s = y + self.base_y
-        self.v = slope * velocity
-        self.a = curvature * velocity * velocity + slope * leading.acceleration
-        self.slope, self.curvature = slope, curvature
 
     def _at_end(self, local: float, increment: float) -> bool:
         """End the function where it ends in the direction of the leading value (CAM-106, CAM-111)."""

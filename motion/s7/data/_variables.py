@@ -207,6 +207,17 @@ def elements(variable: Variable) -> list[str]:
 
 
 @cache
+def paths_of(object_type: str) -> tuple[tuple[str, Variable], ...]:
+    """Return all paths of a technology object type with their definitions, in the order of the data block.
+
+    Raises:
+        ConfigurationError: There is no such type.
+
+    """
+    return tuple((path, variable) for variable in variables_of(object_type) for path in elements(variable))
+
+
+@cache
 def parameters_of(object_type: str) -> dict[int, Parameter]:
     """Return the parameters of `MC_WriteParameter` of a technology object type by their numbers."""
     return {

@@ -233,8 +233,8 @@ class MC_CamIn(ExecuteInstruction):
     def _show(self, job: Job) -> None:
         super()._show(job)
         self.Done = False  # the end of the cam is shown by EndOfProfile (CAM-106)
-        self.InSync = job.synchronous
-        self.StartSync = job.state is JobState.ACTIVE and not job.synchronous
+        self.InSync = synchronous = job.synchronous
+        self.StartSync = not synchronous and job.state is JobState.ACTIVE
         coupling = self._coupling
         passes = self._passes if coupling is None else coupling.passes
         self.EndOfProfile = passes != self._passes
