@@ -4,6 +4,7 @@
     python -m testcases.digests compare FILE [--part I/N]    run them again, name every case that differs
     python -m testcases.digests cores [--part I/N]           run them pure and compiled, name every case that differs
                                           [--jobs N]         processes, default one per processor
+                                          [--bench NAME]     only the cases of a run in `RUNS`, `own` for the first
 
 A digest covers signals, bus log and event log of a case, so equal digests mean equal behaviour to the bit. With
 `--part 1/20` every twentieth case is run, which takes seconds instead of minutes; a file recorded in full
@@ -61,11 +62,12 @@ def digests_of(campaigns: tuple[str, ...], bench: str, part: str, jobs: str) -> 
             }
 
 
-def all_digests(part: str, jobs: str) -> dict[str, str]:
-    """Run all shipped cases."""
+def all_digests(arguments: argparse.Namespace) -> dict[str, str]:
+    """Run all shipped cases, or those that the command line asks for."""
     result: dict[str, str] = {}
     for campaigns, bench in RUNS:
-        result |= digests_of(campaigns, bench, part, jobs)
+        if arguments.bench in (None, bench or "own"):
+            result |= digests_of(campaigns, bench, arguments.part, arguments.jobs)
     return result
 
 
@@ -78,27 +80,29 @@ def main() -> int:
     parser.add_argument("file", type=Path, nargs="?")
     parser.add_argument("--part", default="", help="I/N: run only the I-th of N parts")
     parser.add_argument("--jobs", default="auto", help="number of processes")
+    parser.add_argument("--bench", choices=["own", *dict.fromkeys(bench for _, bench in RUNS if bench)])
     arguments = parser.parse_args()
     if arguments.action == "cores":
-        return compare_cores(arguments.part, arguments.jobs)
+        return compare_cores(arguments)
     if arguments.file is None:
         parser.error("FILE is missing")
-    now = all_digests(arguments.part, arguments.jobs)
+    now = all_digests(arguments)
     if arguments.action == "record":
         arguments.file.write_text(json.dumps(now, indent=0, sort_keys=True), encoding="utf-8")
         print(f"{len(now)} digests written to {arguments.file}")
         return 0
     before: dict[str, str] = json.loads(arguments.file.read_text("utf-8"))
-    wanted = before if not arguments.part else {name: before[name] for name in now if name in before}
+    some = arguments.part or arguments.bench
+    wanted = {name: before[name] for name in now if name in before} if some else before
     return tell(wanted, now, ("before", "now"))
 
 
-def compare_cores(part: str, jobs: str) -> int:
+def compare_cores(arguments: argparse.Namespace) -> int:
     """Run pure, then compiled with another hash seed; return the exit code."""
     found = []
     for core, hash_seed in (("pure", "1"), ("compiled", "2")):
         os.environ.update(HIL_CORE=core, PYTHONHASHSEED=hash_seed)
-        found.append(all_digests(part, jobs))
+        found.append(all_digests(arguments))
     return tell(found[0], found[1], ("pure", "compiled"))
 
 
@@ -109,7 +113,7 @@ def tell(one: dict[str, str], other: dict[str, str], names: tuple[str, str]) -> 
         first, second = (digests.get(name, "not there")[:24] for digests in (one, other))
         print(f"{name}: {names[0]} {first}, {names[1]} {second}")
     print(f"{len(other)} cases, {len(differing)} differ")
-    return 1 if differing else 0
+    return 1 if differing or not other else 0
 
 
 if __name__ == "__main__":
