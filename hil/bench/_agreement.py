@@ -96,6 +96,7 @@ def _tables(config: BenchConfig) -> dict[str, tuple[str, Mapping[str, Any]]]:
         "device": ("a device", config.device),
         "station": ("a station", config.station),
         "cam": ("a cam", config.cam),
+        "measuring_input": ("a measuring input", config.measuring_input),
         "proxy": ("a proxy", config.proxy),
         "controller": ("a controller", config.controller),
     }
@@ -148,6 +149,7 @@ class _References:
             "station": self._station,
             "axis": self._axis,
             "external_encoder": self._external_encoder,
+            "measuring_input": self._measuring_input,
         }
         for kind, check in checks.items():
             for name in _tables(self._config)[kind][1]:
@@ -303,6 +305,18 @@ class _References:
     def _check_actual(where: str, what: str, cpu: str) -> None:
         if not LEVELS[cpu].technology:
             raise ValueError(f"{where}: {what} leads axes of an S7-1500T only, and [bench] cpu is {cpu!r}")
+
+    def _measuring_input(self, name: str) -> None:
+        of = self._config.measuring_input[name].of
+        where = f"measuring_input.{name}.of"
+        if of in self._config.external_encoder:
+            return
+        if f"external_encoder.{of}" in self._mistakes.tables:
+            raise _OfWrongTable
+        self._refer(where, "axis", of)
+        axis = self._config.axis[of]
+        if not isinstance(axis, AxisTable) or axis.type == "speed":
+            raise ValueError(f"{where}: {of!r} has no positions of an S7 that could be measured")
 
     def _external_encoder(self, name: str) -> None:
         table, where = self._config.external_encoder[name], f"external_encoder.{name}"

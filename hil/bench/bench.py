@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from motion.nc.tasks import NcRuntime
     from motion.s7.cam_handle import CamHandle
     from motion.s7.controller import Controller
-    from motion.s7.handles import AxisHandle, EncoderHandle, ProxyHandle
+    from motion.s7.handles import AxisHandle, EncoderHandle, MeasuringInputHandle, ProxyHandle
 
 _GC_THRESHOLD: Final = 100_000
 _INJECTOR: Final = 'faults.inject("drive.fault", ...): `faults` is a fixture, else hil.Injector(bench)'
@@ -266,6 +266,16 @@ class Bench:
         """
         return named("cam", self._control.cams, name)
 
+    def measuring_input(self, name: str | None = None) -> MeasuringInputHandle:
+        """Return a measuring input by name, or the first one:
+        `bench.run_until(bench.measuring_input("mark").measure().done, 1.0)`.
+
+        Raises:
+            ConfigurationError: There is no such measuring input.
+
+        """
+        return named("measuring input", self._control.measuring_inputs, name)
+
     def proxy(self, name: str | None = None) -> ProxyHandle:
         """Return a leading-axis proxy by name, or the first one; `.link` is the way of its telegrams, which a
         test may lose (`link.lost`), delay (`link.delay_ns`) and change (`link.disturb`).
@@ -455,6 +465,11 @@ class Bench:
     def controller_clocks(self) -> dict[str, NodeClock]:
         """Clocks of the controllers beside `controller`, by name."""
         return self._control.clocks
+
+    @property
+    def measuring_input_names(self) -> tuple[str, ...]:
+        """Names of the measuring inputs."""
+        return tuple(self._control.measuring_inputs)
 
     @property
     def cam_names(self) -> tuple[str, ...]:

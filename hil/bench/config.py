@@ -27,6 +27,7 @@ from hil.bench.drive_config import (
 from hil.bench.drive_tables import second_encoder_variables
 from hil.bench.encoder_config import AnyEncoder, EncoderTable
 from hil.bench.io_config import StationTable
+from hil.bench.measuring_config import MeasuringInputTable
 from hil.bench.nc_axis_config import NcAxisTable
 from hil.bench.nc_config import NcTable
 from hil.bench.segment_config import AnySegment
@@ -66,6 +67,8 @@ class BenchConfig(Table, frozen=True):
     """External encoders by name: technology objects that read an encoder."""
     cam: dict[str, CamTable] = {}
     """Cams by name: technology objects with the function that a following axis follows."""
+    measuring_input: dict[str, MeasuringInputTable] = {}
+    """Measuring inputs by name: technology objects that measure positions at the edges of a probe."""
     controller: dict[str, ControllerTable] = {}
     """Controllers beside that of `[bench]`, by name."""
     proxy: dict[str, ProxyTable] = {}

@@ -23,7 +23,9 @@ from motion.drives.port import SWITCHES, DrivePort
 from motion.s7.axis import ExternalEncoder, PositioningAxis, SpeedAxis, SynchronousAxis
 from motion.s7.cam_handle import CamHandle
 from motion.s7.cams import Cam
-from motion.s7.handles import AxisHandle, EncoderHandle, ProxyHandle
+from motion.s7.compatibility import level_of
+from motion.s7.handles import AxisHandle, EncoderHandle, MeasuringInputHandle, ProxyHandle
+from motion.s7.measuring_input import CENTRAL, TELEGRAM, MeasuringInput, measured_object
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
     from hil.bench.drive_config import DriveTable
     from hil.bench.drive_ports import Port
     from hil.bench.encoders import EncoderNodes
+    from hil.bench.measuring_config import MeasuringInputTable
     from hil.bench.nc_axis_config import NcAxisTable
     from hil.bench.segments import Segments
     from hil.record import Recorder
@@ -106,6 +109,7 @@ class ControlSystem:
         """Controllers beside that of `[bench]`."""
         self.proxies: dict[str, ProxyHandle] = {}
         self.cams: dict[str, CamHandle] = {}
+        self.measuring_inputs: dict[str, MeasuringInputHandle] = {}
         self._buses = ControllerBuses(config, segments.masters, self.ports, self.links)
         if config.axis:
             self._connect_stations(segments)
@@ -142,6 +146,9 @@ class ControlSystem:
         for name, cam in config.cam.items():
             with errors.located(f"cam.{name}"):
                 self._add_cam(name, cam)
+        for name, measuring in config.measuring_input.items():
+            with errors.located(f"measuring_input.{name}"):
+                self._add_measuring_input(name, measuring)
         errors.check()
         for link in self.links.values():
             runtime.after_cycle.append(link.exchange)
@@ -417,6 +424,26 @@ class ControlSystem:
         )
         self._runtime.add_cam(cam)
         self.cams[name] = CamHandle(self._runtime, cam)
+
+    def _add_measuring_input(self, name: str, section: MeasuringInputTable) -> None:
+        handle = self.axes.get(section.of) or self.external_encoders.get(section.of)
+        if handle is None:
+            return  # it has a mistake of its own
+        cpu = self._config.cpu_of(self._config.plc_of(section.of))
+        one = MeasuringInput(
+            name,
+            measured_object(handle.object),
+            probe=section.probe,
+            kind=CENTRAL if section.kind == "central" else TELEGRAM,
+            correction_ms=section.correction_ms,
+            aborts_for_homing=level_of(cpu).version == "V7.0",
+            cpu=cpu,
+            history=self._history,
+        )
+        handle.object.on_homing.append(one.end_for_homing)
+        runtime = self._runtime_of(section.of)
+        runtime.add_measuring_input(one)
+        self.measuring_inputs[name] = MeasuringInputHandle(runtime, one)
 
     def _record(self, name: str, part: TechnologyAxis | ExternalEncoder | LeadingAxisProxy) -> None:
         group = self._recorder.add_group(name, part.trace_columns, part.trace_row, enums=part.trace_enums)

@@ -78,6 +78,7 @@ def component_names(config: BenchConfig) -> tuple[str, ...]:
         config.axis,
         config.external_encoder,
         config.cam,
+        config.measuring_input,
         config.proxy,
         config.drive,
         config.encoder,

@@ -21,18 +21,21 @@ _OFF: Final = bytes(2)
 INDEX: Final = (0x0015, 0x60BA, 0x0002)
 INPUT_RISES: Final = (0x0011, 0x60BA, 0x0002)
 INPUT_FALLS: Final = (0x0021, 0x60BB, 0x0004)
-"""What latches: value of 60B8h (probe 1 on, first event, source and edge), object of the position, bit of
-60B9h that says that it is there.
+SECOND_RISES: Final = (0x1100, 0x60BC, 0x0200)
+SECOND_FALLS: Final = (0x2100, 0x60BD, 0x0400)
+"""What latches: value of 60B8h (probe on, first event, source and edge), object of the position, bit of 60B9h
+that says that it is there.
 """
 
 
 class ProbeMarkSearch(MarkSearch):
-    """Searches the zero mark with touch probe 1. The port calls `ask` once per cycle while `waiting`.
+    """Searches the zero mark with touch probe 1, or an edge of probe 1 or 2. The port calls `ask` once per
+    cycle while `waiting`.
 
     Args:
         master: The controller's CANopen services on the segment of the drive.
         node_id: The drive.
-        event: `INDEX`, `INPUT_RISES` or `INPUT_FALLS`.
+        event: `INDEX`, `INPUT_RISES`, `INPUT_FALLS`, `SECOND_RISES` or `SECOND_FALLS`.
 
     """
 

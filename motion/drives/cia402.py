@@ -30,7 +30,13 @@ from motion.drives._canopen import (
 )
 from motion.drives._link import LinkedPort
 from motion.drives._max_torque import MaxTorque
-from motion.drives._probe_mark import INPUT_FALLS, INPUT_RISES, ProbeMarkSearch
+from motion.drives._probe_mark import (
+    INPUT_FALLS,
+    INPUT_RISES,
+    SECOND_FALLS,
+    SECOND_RISES,
+    ProbeMarkSearch,
+)
 from motion.drives.cia402_negotiation import Negotiation
 from motion.drives.cia402_plan import (
     CONTROL,
@@ -174,9 +180,12 @@ class Cia402Port(LinkedPort):
         self._max_torque = MaxTorque(master, node, self._limit_refused)
         self._probe = ProbeMarkSearch(master, node)
         self.mark = self._probe
-        rises, falls = (ProbeMarkSearch(master, node, event) for event in (INPUT_RISES, INPUT_FALLS))
-        self.latches = rises, falls
-        self._searches = self._probe, rises, falls
+        first, second = (
+            (ProbeMarkSearch(master, node, rises), ProbeMarkSearch(master, node, falls))
+            for rises, falls in ((INPUT_RISES, INPUT_FALLS), (SECOND_RISES, SECOND_FALLS))
+        )
+        self.probes = first, second
+        self._searches = self._probe, *first, *second
         for search in self._searches:
             search.on_begin = self._look_at
         self._config = config
@@ -193,6 +202,10 @@ class Cia402Port(LinkedPort):
     def _convert(self, convert: Callable[[int], int] | None) -> None:
         for search in self._searches:
             search.convert = convert
+
+    @override
+    def probe_level(self, number: int) -> bool | None:
+        return bool(self.inputs >> 15 + number & 1)
 
     def _look_at(self, search: ProbeMarkSearch) -> None:
         """Look at a search from now on: they share the touch probe of the drive."""

@@ -34,6 +34,8 @@ class EncoderPort(ABC):
         self.absolute_encoder = False
         self.actual_speed_rpm = 0.0
         """Speed of the encoder, where `brings_speed`, rpm; of a linear one m/min."""
+        self.probes: tuple[tuple[MarkSearch, MarkSearch], ...] = ()
+        """Searches for the rising and the falling edge of every probe input of the encoder."""
         self.brings_speed = False
         self.interface_number = 1
         """Which encoder of its telegram it is (`Sensor[n].Interface.Number`)."""
@@ -44,6 +46,10 @@ class EncoderPort(ABC):
 
     def set_reference(self, speed: float) -> None:  # noqa: B027 - a connection without shares has nothing to do
         """Take over what 100 % of the actual speed means, rpm, of a linear encoder m/min (CFG-340)."""
+
+    def probe_level(self, number: int) -> bool | None:  # noqa: ARG002 - the interface of a port
+        """Return whether probe input 1 or 2 is active; None: the connection does not say it."""
+        return None
 
     @abstractmethod
     def read(self) -> None:

@@ -77,9 +77,9 @@ class DrivePort:
         "has_torque_reduction",
         "inputs",
         "interface_number",
-        "latches",
         "link_ok",
         "mark",
+        "probes",
         "sensor_code",
         "sensor_fault",
         "sign_lost",
@@ -105,8 +105,8 @@ class DrivePort:
         """Last status word 1; 0 while there is no link."""
         self.mark: MarkSearch | None = None
         """Search for the zero mark of the encoder; None: the device has none."""
-        self.latches: tuple[MarkSearch, MarkSearch] | None = None
-        """Searches for the rising and the falling edge of a latch input of the drive; None: it has none."""
+        self.probes: tuple[tuple[MarkSearch, MarkSearch], ...] = ()
+        """Searches for the rising and the falling edge of every probe input of the drive."""
         self.link_ok = False
         """Cyclic data arrive (says nothing of drive faults)."""
         self.encoder_increments = 0
@@ -160,6 +160,10 @@ class DrivePort:
     @abstractmethod
     def read(self) -> None:
         """Take over the inputs that have arrived since the last cycle."""
+
+    def probe_level(self, number: int) -> bool | None:  # noqa: ARG002 - the interface of a port
+        """Return whether probe input 1 or 2 is active; None: the connection does not say it."""
+        return None
 
     def fault_text(self) -> str:
         """Return the fault of the drive in words: `drive fault 2310h`; without a code while none has come."""

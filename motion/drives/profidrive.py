@@ -20,7 +20,7 @@ from fieldbus.profidrive.sign_of_life import SignWatch, next_sign
 from fieldbus.profidrive.words import G_STW, G_ZSW, MELDW, SIGN_OF_LIFE_SHIFT, STW1
 from motion.drives._link import LinkConfig, LinkedPort
 from motion.drives.data_block import JoinedBlocks
-from motion.drives.mark import TelegramMarkSearch
+from motion.drives.mark import TelegramSearches
 from motion.drives.telegram_block import TelegramBlock
 
 if TYPE_CHECKING:
@@ -41,6 +41,8 @@ _CONTROL: Final = int(STW1.CONTROL_BY_PLC)
 _ACKNOWLEDGE: Final = int(STW1.ACKNOWLEDGE)
 _ENCODER_ERROR: Final = int(G_ZSW.ERROR | G_ZSW.PARKING)
 _ENCODER_ACKNOWLEDGE: Final = int(G_STW.ACKNOWLEDGE)
+_PROBES: Final = 2
+"""Probes that the encoder interface of an axis can have."""
 _TORQUE_BELOW_THRESHOLD: Final = int(MELDW.TORQUE_BELOW_THRESHOLD)
 _FREE_WORDS: Final = ("G2_STW", "S_STW1B", "S_STW3B")
 _XERR_MAX: Final = 0x7FFFFFFF
@@ -155,11 +157,12 @@ class ProfidrivePort(LinkedPort):
         "_nsoll_at",
         "_pack",
         "_place",
+        "_probe_levels",
         "_range_at",
         "_reference_speed",
         "_reference_torque",
         "_row",
-        "_search",
+        "_searches",
         "_sign",
         "_speed_scale",
         "_stw2_at",
@@ -239,7 +242,10 @@ class ProfidrivePort(LinkedPort):
         self._m_act_at = place.get("M_ACT", -1)
         self._meldw_at = place.get("MELDW", -1)
         has_encoder = self._xist2_at >= 0 and self._g1_at >= 0
-        self.mark = self._search = TelegramMarkSearch() if has_encoder else None
+        self._searches = TelegramSearches(_PROBES) if has_encoder else None
+        self._probe_levels = 0
+        if self._searches is not None:
+            self.mark, self.probes = self._searches.mark, self._searches.probes
         self._place = place
         self._answer: tuple[int, ...] = (0,) * len(back.names)
 
@@ -249,6 +255,10 @@ class ProfidrivePort(LinkedPort):
         # The sign of life of a pulse module has to be 0, in the standard variant too.
         self._stw2_at = place.get("STW2", -1) if self._words.pulse_module is None else -1
         self._g1_at = place.get("G1_STW", -1)
+
+    @override
+    def probe_level(self, number: int) -> bool | None:
+        return bool(self._probe_levels >> number - 1 & 1)
 
     @override
     def set_reference(self, speed_rpm: float, torque_nm: float) -> None:
@@ -360,9 +370,10 @@ class ProfidrivePort(LinkedPort):
             self.sensor_code = answer[self._xist2_at] & 0xFFFF_FFFF if g1_zsw & G_ZSW.ERROR else 0
             if not self.sensor_fault:
                 self.encoder_increments = answer[self._xist_at]
-            mark = self._search
-            if mark is not None and mark.busy:
-                mark.take(g1_zsw, answer[self._xist2_at])
+            searches = self._searches
+            if searches is not None and searches.current.busy:
+                self._probe_levels = g1_zsw >> 8 & 3
+                searches.take(g1_zsw, answer[self._xist2_at])
 
     def command(self, name: str, value: int) -> None:
         """Send a word that the axis does not use itself in every telegram from now on: G2_STW, S_STW1B,
@@ -433,7 +444,11 @@ class ProfidrivePort(LinkedPort):
         if self._g1_at >= 0:
             acknowledges = stw1 & _ACKNOWLEDGE and self.sensor_fault
             row[self._g1_at] = (
-                _ENCODER_ACKNOWLEDGE if acknowledges else 0 if self._search is None else self._search.word
+                _ENCODER_ACKNOWLEDGE
+                if acknowledges
+                else 0
+                if self._searches is None
+                else self._searches.current.word
             )
         if self.dsc:
             row[self._xerr_at] = self._xerr

@@ -43,6 +43,7 @@ class SimulatedDrivePort(DrivePort):
         off3_ramp_s: p1135, from p1082 to zero.
         coast_s: Time in which friction stops the motor from p1082.
         zero_marks: Places of zero marks, increments.
+        probe_edges: Places of the rising and of the falling edges of a probe, increments.
 
     Attributes `fault`, `link`, `inhibited` and `autonomous_stop` break it: a drive fault, the loss of the
     link, a drive that stays in S1, braking by the drive itself.
@@ -55,6 +56,7 @@ class SimulatedDrivePort(DrivePort):
         "_braking",
         "_coast",
         "_cycle",
+        "_edges",
         "_increments",
         "_off1",
         "_off3",
@@ -82,6 +84,7 @@ class SimulatedDrivePort(DrivePort):
         off3_ramp_s: float = 0.5,
         coast_s: float = 3.0,
         zero_marks: Iterable[int] = (),
+        probe_edges: tuple[Iterable[int], Iterable[int]] = ((), ()),
     ) -> None:
         super().__init__()
         self._cycle = cycle_s
@@ -104,6 +107,9 @@ class SimulatedDrivePort(DrivePort):
         self.inhibited = False
         self.autonomous_stop = False
         self.mark = self._search = IdealMarkSearch(*zero_marks)
+        rises, falls = (IdealMarkSearch(*places) for places in probe_edges)
+        self.probes = ((rises, falls),)
+        self._edges = rises, falls
         self.switches = 0
         """Digital inputs at the drive."""
 
@@ -204,6 +210,7 @@ class SimulatedDrivePort(DrivePort):
             self._speed = 0.0 if abs(before) <= step else before - step if before > 0.0 else before + step
         angle = self._angle
         self._angle += 0.5 * (before + self._speed) / 60.0 * tau * self._cycle
-        if self._search.searching:
-            per_radian = self._increments / tau
-            self._search.pass_by(angle * per_radian, self._angle * per_radian)
+        for search in (self._search, *self._edges):
+            if search.searching:
+                per_radian = self._increments / tau
+                search.pass_by(angle * per_radian, self._angle * per_radian)

@@ -28,6 +28,7 @@ class EncoderSource(Protocol):
     link_ok: bool
     sign_lost: bool
     mark: MarkSearch | None
+    probes: tuple[tuple[MarkSearch, MarkSearch], ...]
     sensor_fault: bool
     encoder_increments: int
     encoder_restarts: int
@@ -36,6 +37,9 @@ class EncoderSource(Protocol):
     @property
     def absolute_from_zero(self) -> bool:
         """Whether an absolute value lies between 0 and the measuring range; else it has a sign."""
+
+    def probe_level(self, number: int) -> bool | None:
+        """Return whether probe input 1 or 2 is active; None: the connection does not say it."""
 
 
 class Feedback:
@@ -284,8 +288,13 @@ class _NoSource:
         self.link_ok = True
         self.sign_lost = self.sensor_fault = False
         self.mark: MarkSearch | None = None
+        self.probes: tuple[tuple[MarkSearch, MarkSearch], ...] = ()
         self.encoder_increments = self.encoder_restarts = 0
         self.actual_speed_rpm = 0.0
+
+    def probe_level(self, number: int) -> bool | None:  # noqa: ARG002 - the interface of a port
+        """Say nothing: there are no probes."""
+        return None
 
 
 class _NoFeedback(Feedback):

@@ -242,7 +242,7 @@ class PortDevice(_Values):
         port = self.port
         if mode == HARDWARE_SYNC:
             return port.mark
-        return port.latches[mode - HARDWARE_SYNC - 1] if port.latches else None
+        return port.probes[0][mode - HARDWARE_SYNC - 1] if port.probes else None
 
 
 class EncoderDevice(_Values):

@@ -13,6 +13,7 @@ from motion.s7.data_blocks import BitAddress
 from motion.s7.diagnostics import Diagnosis, diagnose, diagnose_encoder
 from motion.s7.instructions import (
     Instruction,
+    MC_AbortMeasuringInput,
     MC_CamIn,
     MC_CamOut,
     MC_GearIn,
@@ -23,6 +24,8 @@ from motion.s7.instructions import (
     MC_HaltSuperimposed,
     MC_Home,
     MC_LeadingValueAdditive,
+    MC_MeasuringInput,
+    MC_MeasuringInputCyclic,
     MC_MotionInPosition,
     MC_MotionInSuperimposed,
     MC_MotionInVelocity,
@@ -53,6 +56,7 @@ if TYPE_CHECKING:
     from motion.s7.axis.alarms import AxisAlarms
     from motion.s7.axis.state import AxisState
     from motion.s7.axis.technology_object import TechnologyObject
+    from motion.s7.measuring_input import MeasuringInput
     from motion.s7.runtime import Runtime
     from motion.s7.variables import VariableStore
 
@@ -484,6 +488,49 @@ class EncoderHandle(_Handle[ExternalEncoder]):
         """Start `MC_WriteParameter`."""
         external: Any = self.object
         return self.run(MC_WriteParameter(external, Execute=True, ParameterNumber=number, Value=value))
+
+
+class MeasuringInputHandle:
+    """A measuring input with its instructions as methods; see `AxisHandle`."""
+
+    def __init__(self, runtime: Runtime, one: MeasuringInput) -> None:
+        self._runtime = runtime
+        self.object = one
+        """The technology object."""
+
+    @property
+    def name(self) -> str:
+        """Name of the technology object."""
+        return self.object.name
+
+    def var(self, path: str) -> float:
+        """Return a variable of the technology data block by its original path: `Status`.
+
+        Raises:
+            UnknownVariableError: There is no such variable.
+
+        """
+        return self.object.var(path)
+
+    def _run(self, instance: _T) -> _T:
+        self._runtime.call(instance)
+        return instance
+
+    def measure(self, mode: int = 0, **inputs: Any) -> MC_MeasuringInput:
+        """Start `MC_MeasuringInput`."""
+        return self._run(MC_MeasuringInput(self.object, Execute=True, Mode=mode, **inputs))
+
+    def measure_cyclic(self, mode: int = 0, **inputs: Any) -> MC_MeasuringInputCyclic:
+        """Start `MC_MeasuringInputCyclic`."""
+        return self._run(MC_MeasuringInputCyclic(self.object, Execute=True, Mode=mode, **inputs))
+
+    def abort(self) -> MC_AbortMeasuringInput:
+        """Start `MC_AbortMeasuringInput`."""
+        return self._run(MC_AbortMeasuringInput(self.object, Execute=True))
+
+    def reset(self, *, restart: bool = False) -> MC_Reset:
+        """Start `MC_Reset`."""
+        return self._run(MC_Reset(self.object, Execute=True, Restart=restart))
 
 
 class ProxyHandle(_Handle[LeadingAxisProxy]):

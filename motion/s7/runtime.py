@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from motion.s7.axis import ExternalEncoder, TechnologyAxis
     from motion.s7.cams import Cam
     from motion.s7.instructions import Instruction
+    from motion.s7.measuring_input import MeasuringInput
     from motion.s7.proxy import LeadingAxisProxy, LeadingValueLink
 
 
@@ -68,6 +69,9 @@ class Runtime:
         """Cam technology objects."""
         self.proxies: list[LeadingAxisProxy] = []
         """Leading-axis proxies."""
+        self._numbered = 0
+        self.measuring_inputs: list[MeasuringInput] = []
+        """Measuring inputs."""
         self.after_cycle = self.task.after_cycle
         """Called at the end of every application cycle (recorder, triggers)."""
         self.data_blocks = DataBlocks()
@@ -90,6 +94,7 @@ class Runtime:
             history,
             cams=self.cams,
             proxies=self.proxies,
+            measuring_inputs=self.measuring_inputs,
         )
         """The CPU around this runtime: operating states and diagnostics buffer."""
         self.controller.on_warm_restart = self._forget_save
@@ -119,8 +124,11 @@ class Runtime:
         """Send a leading value at the end of every application cycle."""
         self.after_cycle.append(link.send)
 
-    def _number(self, one: TechnologyAxis | ExternalEncoder | LeadingAxisProxy | Cam) -> None:
-        one.db_number = len(self.axes) + len(self.encoders) + len(self.cams) + len(self.proxies)
+    def _number(
+        self, one: TechnologyAxis | ExternalEncoder | LeadingAxisProxy | Cam | MeasuringInput
+    ) -> None:
+        self._numbered += 1
+        one.db_number = self._numbered
 
     def order_axes(self) -> None:
         """Call leading axes before those that follow them, so that all of a chain use the values of one cycle
@@ -149,6 +157,12 @@ class Runtime:
         self.cams.append(cam)
         self._number(cam)
         self.task.background.append(cam)
+
+    def add_measuring_input(self, one: MeasuringInput) -> None:
+        """Take a measuring input into the cycle, after the axes."""
+        self.measuring_inputs.append(one)
+        self._number(one)
+        self.task.background.append(one)
 
     @property
     def objects(self) -> list[TechnologyAxis | ExternalEncoder]:

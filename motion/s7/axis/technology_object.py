@@ -221,6 +221,8 @@ class TechnologyObject:
         self.history = history
         self.homings: list[Homing] = []
         """Active and passive homing under way (StatusWord.X11)."""
+        self.on_homing: list[Callable[[], object]] = []
+        """Called when a homing job starts that looks for a mark, or cancels one that does."""
         self.master: object | None = None
         """The control panel that has the object; None = the user program (`StatusWord.X4`)."""
         self.db_number = 0

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from motion.s7.axis.technology_object import TechnologyObject
     from motion.s7.cams import Cam
     from motion.s7.data_blocks import DataBlocks
+    from motion.s7.measuring_input import MeasuringInput
     from motion.s7.program import Program
 
 _SOURCE: Final = "controller"
@@ -48,6 +49,7 @@ class Controller:
         history: Event log, or None.
         cams: Its cams.
         proxies: Its leading-axis proxies.
+        measuring_inputs: Its measuring inputs.
 
     """
 
@@ -61,9 +63,11 @@ class Controller:
         *,
         cams: Sequence[Cam] = (),
         proxies: Sequence[TechnologyObject] = (),
+        measuring_inputs: Sequence[MeasuringInput] = (),
     ) -> None:
         self._cams = cams
         self._proxies = proxies
+        self._measuring_inputs = measuring_inputs
         self._task = task
         self._program = program
         self.data_blocks = data_blocks
@@ -96,16 +100,22 @@ class Controller:
         """Whether it has been in RUN since power-on: before that no inputs are
         read (CFG-290, CFG-291, CFG-295).
         """
-        self._stopping: list[TechnologyObject | Cam] = []
-        self._restarts: list[TechnologyObject | Cam] = []
-        self._initialising: list[TechnologyObject | Cam] = []
+        self._stopping: list[TechnologyObject | Cam | MeasuringInput] = []
+        self._restarts: list[TechnologyObject | Cam | MeasuringInput] = []
+        self._initialising: list[TechnologyObject | Cam | MeasuringInput] = []
         self._run_wanted = False
         self._startup_ends_ns = 0
         self._startup_limit_ns = 0
 
     @property
-    def _objects(self) -> list[TechnologyObject | Cam]:
-        return [*self._proxies, *self._task.encoders, *self._task.axes, *self._cams]
+    def _objects(self) -> list[TechnologyObject | Cam | MeasuringInput]:
+        return [
+            *self._proxies,
+            *self._task.encoders,
+            *self._task.axes,
+            *self._cams,
+            *self._measuring_inputs,
+        ]
 
     def diagnosis(self, newest: int = 20) -> ControllerDiagnosis:
         """Return what the controller says about itself now: `print(bench.controller.diagnosis().text())`.

@@ -14,6 +14,11 @@ from motion.s7.instructions.gear import MC_GearIn, MC_GearInPos, MC_GearInVeloci
 from motion.s7.instructions.home import MC_Home
 from motion.s7.instructions.jog import MC_MoveJog
 from motion.s7.instructions.leading_value import MC_LeadingValueAdditive
+from motion.s7.instructions.measuring import (
+    MC_AbortMeasuringInput,
+    MC_MeasuringInput,
+    MC_MeasuringInputCyclic,
+)
 from motion.s7.instructions.motion_in import MC_MotionInPosition, MC_MotionInSuperimposed, MC_MotionInVelocity
 from motion.s7.instructions.move import MC_MoveAbsolute, MC_MoveRelative, MC_MoveVelocity
 from motion.s7.instructions.power import MC_Power
@@ -36,6 +41,7 @@ from motion.s7.instructions.write_parameter import MC_WriteParameter
 __all__ = [
     "ExecuteInstruction",
     "Instruction",
+    "MC_AbortMeasuringInput",
     "MC_CamIn",
     "MC_CamOut",
     "MC_CopyCamData",
@@ -51,6 +57,8 @@ __all__ = [
     "MC_Home",
     "MC_InterpolateCam",
     "MC_LeadingValueAdditive",
+    "MC_MeasuringInput",
+    "MC_MeasuringInputCyclic",
     "MC_MotionInPosition",
     "MC_MotionInSuperimposed",
     "MC_MotionInVelocity",

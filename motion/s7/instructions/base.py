@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _ACTIVE: Final = JobState.ACTIVE
 _STARTERS: Final = frozenset(("Execute", "Enable", "JogForward", "JogBackward"))
-_WITHOUT_MOTION: Final = ("ExternalEncoder", "Cam", "LeadingAxisProxy")
+_WITHOUT_MOTION: Final = ("ExternalEncoder", "Cam", "LeadingAxisProxy", "MeasuringInput")
 DEFAULT = -1.0
 """Input value that selects the dynamic default of the technology object (MC-086 to MC-089)."""
 

@@ -168,6 +168,8 @@ class MC_Home(ExecuteInstruction):
         )
         refusal = axis.motion.submit(job)
         self._reference = homing.reference
+        if not refusal:
+            self._take_encoder()
         return refusal or job
 
     def _home_passively(self, position: float) -> Job | int:
@@ -180,6 +182,7 @@ class MC_Home(ExecuteInstruction):
         if refusal:
             return refusal
         abort_passive(axis.homings)
+        self._take_encoder()
         job = self._accepted(JobClass.PASSIVE_HOMING)
         self._reference = PassiveHoming(axis, job, position, self.Mode).reference
         return job
@@ -193,8 +196,14 @@ class MC_Home(ExecuteInstruction):
     def _cancel(self) -> Job:
         job = self._accepted(JobClass.NONE)
         abort_passive(self.axis.homings)
+        self._take_encoder()
         job.finish()
         return job
+
+    def _take_encoder(self) -> None:
+        """End the measuring jobs on the encoder (OVR-041)."""
+        for notify in self.axis.on_homing:
+            notify()
 
     def _accepted(self, job_class: JobClass) -> Job:
         axis = self.axis

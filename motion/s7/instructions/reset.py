@@ -21,7 +21,14 @@ class MC_Reset(Instruction):
     """
 
     instruction = "MC_Reset"
-    object_types = ("SpeedAxis", "PositioningAxis", "ExternalEncoder", "Cam", "LeadingAxisProxy")
+    object_types = (
+        "SpeedAxis",
+        "PositioningAxis",
+        "ExternalEncoder",
+        "Cam",
+        "LeadingAxisProxy",
+        "MeasuringInput",
+    )
     inputs: ClassVar[dict[str, float]] = {"Execute": False, "Restart": False}
     Execute: bool
     Restart: bool

@@ -277,9 +277,17 @@ def _homing_mode_exists(mode: int) -> bool:
     return bool(job.ErrorID != NO_SUCH_MODE)
 
 
+OTHERWISE_TESTED = ("MC_MeasuringInput", "MC_MeasuringInputCyclic", "MC_AbortMeasuringInput")
+"""Jobs of a measuring input: `test_measuring_input.py` has the cells of their table."""
+
+
 def exists(job: str) -> bool:
-    """Return whether the product has the instruction of a job of the tables."""
+    """Return whether the product has the instruction of a job of the tables, and the tests here bring it
+    about.
+    """
     name, _, which = job.partition(" ")
+    if name in OTHERWISE_TESTED:
+        return False
     if not hasattr(instructions, name):
         return False
     return not which.startswith("Mode") or name != "MC_Home" or _homing_mode_exists(int(which[5:]))
