@@ -5,12 +5,16 @@ axis.
 from __future__ import annotations
 
 import tomllib
+from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
 import tomli_w
 
 from hil.bench import BenchFile
+from hil.bench.units import MILLIMETRES, UnitScale
 from hil.errors import CannotRunError
+from motion.s7.units import ANGLES
+from motion.s7.variables import elements, variables_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -79,6 +83,14 @@ def make_of(file: AnyBenchFile[Bench]) -> str:
     return next((axis.controller for axis in file.config.axis.values()), "")
 
 
+@cache
+def _units() -> Mapping[str, str]:
+    """Return the kinds of units of the variables of a positioning axis."""
+    return {
+        path: variable.unit for variable in variables_of("PositioningAxis") for path in elements(variable)
+    }
+
+
 def _nc_axis(where: str, table: dict[str, Any]) -> dict[str, Any]:
     if table.get("controller") == "nc":
         return table
@@ -87,8 +99,20 @@ def _nc_axis(where: str, table: dict[str, Any]) -> dict[str, Any]:
             f"{where}: only a positioning axis can be had as an axis of an NC, not {table['type']!r}"
         )
     variables: dict[str, Any] = table.get("variables", {})
-    parameters = {key: variables[path] for path, keys in SAME.items() if path in variables for key in keys}
+    length, velocity = variables.get("Units.LengthUnit"), variables.get("Units.VelocityUnit")
+    scale = MILLIMETRES
+    if length is not None and velocity is not None:
+        scale = UnitScale.of_codes(length, velocity)
+
+    def own(path: str) -> Any:
+        """Return a variable in mm and s, or deg and s."""
+        factor = scale.of(_units()[path])
+        return variables[path] if factor == 1.0 else variables[path] / factor
+
+    parameters = {key: own(path) for path, keys in SAME.items() if path in variables for key in keys}
+    if length in ANGLES:
+        parameters["axis.unit"] = "deg"
     result = {"controller": "nc", "drive": table["drive"], "parameters": {**ALWAYS, **parameters}}
     if "Mechanics.LeadScrew" in variables:
-        result["feed"] = variables["Mechanics.LeadScrew"]
+        result["feed"] = own("Mechanics.LeadScrew")
     return result

@@ -39,8 +39,8 @@ from testcases.campaigns._telegram_setpoint import OFFS, SILENCES
 from testcases.campaigns.drive_faults import HARMLESS, TRIPS
 from testcases.campaigns.support import drive_name, drive_setting, settle_s
 
-TRIPPED: Final = Reaction(NOT_READY, ("NC-377", "NC-749"))
-LOST: Final = Reaction(DATA_INVALID, ("NC-427",), within_cycles=3 + INVALID_CYCLES + 2)
+TRIPPED: Final = Reaction(NOT_READY, ("NC-749",))
+LOST: Final = Reaction(DATA_INVALID, (), within_cycles=3 + INVALID_CYCLES + 2)
 """The port bears three cycles without data before it calls them invalid."""
 BLIND: Final = Reaction(ENCODER, ("NC-745",))
 TOO_FAR: Final = Reaction(LAG, ("NC-148", "NC-730"), within_cycles=4, within_s=0.02)
@@ -118,7 +118,7 @@ FAULT_REACTIONS: Final = Table(
         ),
         "setpoints-lost/*": Fault(
             "frame.drop",
-            Reaction(NOT_READY, ("NC-377", "NC-749"), within_cycles=6),
+            Reaction(NOT_READY, ("NC-749",), within_cycles=6),
             _drop("rpdo1"),
             on_bus=True,
             lasts_s=1.2,
@@ -142,13 +142,13 @@ FAULT_REACTIONS: Final = Table(
         "node-off/*": Fault("drive.power_off", LOST, lasts_s=2.4, watched_s=3.4),
         "heartbeat-lost/*": Fault(
             "drive.heartbeat_loss",
-            Reaction(DATA_INVALID, ("NC-427",), within_s=0.5),
+            Reaction(DATA_INVALID, (), within_s=0.5),
             _heartbeat,
             watched_s=2.0,
         ),
         "controller-heartbeat-lost/*": Fault(
             "frame.drop",
-            Reaction(DATA_INVALID, ("NC-427",), within_s=0.5),
+            Reaction(DATA_INVALID, (), within_s=0.5),
             lambda ctx: {"message": "controller_heartbeat", **_heartbeat(ctx)},
             on_bus=True,
             watched_s=2.0,
@@ -244,11 +244,7 @@ def _mains_off(ctx: CaseContext) -> None:
     enable(ctx)
     fault = ctx.inject("drive.mains_off", drive_name(ctx))
     ctx.run_for(4.0 + settle_s(ctx))
-    ctx.expect(
-        axis_error(NOT_READY, since=event("fault.applied"), within_s=4.0, axis=axis_name(ctx)).covers(
-            "NC-377"
-        )
-    )
+    ctx.expect(axis_error(NOT_READY, since=event("fault.applied"), within_s=4.0, axis=axis_name(ctx)))
     at_rest(ctx, ctx.now_s)
     fault.remove()
     ctx.run_for(0.5)
@@ -283,7 +279,7 @@ DRIVE_FAULTS: Final = Table(
     {
         "trip/*": _trip,
         "acknowledge-held": NO_HELD_RESET,
-        "mains-off": _case(_mains_off, "NC-377"),
+        "mains-off": _case(_mains_off),
         "withdrawn/*": Fault(
             "drive.switch_on_disabled", after(Fault("", TRIPPED), within_cycles=6).reaction, watched_s=4.0
         ),
@@ -320,7 +316,7 @@ def _lie(what: str, phase: str) -> Counterpart:
     reported, number, _ = LIES[what]
     reaction = {421: TRIPPED, 411: BLIND}[number]
     if what == "control":
-        reaction = Reaction(DATA_INVALID, ("NC-427",), within_cycles=INVALID_CYCLES + 3)
+        reaction = Reaction(DATA_INVALID, (), within_cycles=INVALID_CYCLES + 3)
     fault = Fault("telegram.stuck", reaction, reported, watched_s=STUCK)
     return Counterpart(fault_case, {"fault": fault, "phase": phase}, reaction.requirements)
 
@@ -387,7 +383,7 @@ TELEGRAM_FAULTS: Final = Table(
         "autonomous/*": Fault("telegram.bits", TRIPPED, {"signal": "ZSW1", "clear": 0x0024}),
         "control-requested-lost": Fault(
             "telegram.control_lost",
-            Reaction(DATA_INVALID, ("NC-427",), within_cycles=INVALID_CYCLES + 3),
+            Reaction(DATA_INVALID, (), within_cycles=INVALID_CYCLES + 3),
             {"direction": "actual"},
         ),
         "stale/*": Fault(

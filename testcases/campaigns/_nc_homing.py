@@ -241,7 +241,7 @@ def _input(direction: str, side: str, start: str) -> Counterpart | NotApplicable
 def _aborted(by: str, part: str) -> Counterpart | NotApplicable:
     if part == "back":
         return NotApplicable("the sequence of the NC has no way back to its mark")
-    return Counterpart(aborted_case, {"by": by, "part": part}, ("NC-314",))
+    return Counterpart(aborted_case, {"by": by, "part": part})
 
 
 def _endless(kind: str, options: dict[str, Any]) -> Any:

@@ -198,7 +198,7 @@ def _fault(fault: Fault, phase: str) -> Counterpart:
 
 
 def _of_the_drive(state: str) -> Counterpart:
-    fault = Fault("drive.fault", Reaction(NOT_READY, ("NC-377",)), {"code": 0x8611}, watched_s=1.5)
+    fault = Fault("drive.fault", Reaction(NOT_READY, ()), {"code": 0x8611}, watched_s=1.5)
     return _fault(fault, "constant" if state == "travel" else "standstill")
 
 

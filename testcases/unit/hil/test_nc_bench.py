@@ -3,8 +3,10 @@
 import pytest
 
 from fieldbus.errors import ConfigurationError
-from hil.bench import Bench
+from hil.bench import Bench, load_bench
 from hil.bench.bench_file import parse
+from hil.bench.makes import with_nc_axes
+from hil.bench.units import variables_in_units
 from hil.faults import Injector
 
 pytestmark = pytest.mark.exhaustive
@@ -113,3 +115,20 @@ def test_mistakes_of_the_file():
     ):
         with pytest.raises(ConfigurationError, match=words):
             Bench(parse(_BENCH.format(drive="").replace('"ctrl.pos_kv" = 20.0', line), "bench.toml"))
+
+
+def test_a_technology_object_in_other_units():
+    """What an NC axis takes over from a technology object that counts in m/s, or in inches, is the
+    same machine in mm and s; a rotary one counts in degrees.
+    """
+    reference = load_bench("reference")
+    wanted = with_nc_axes(reference, "reference").config.nc_axes["axis1"]
+    axis = reference.config.s7_axes["axis1"]
+    for units in ((1013, 1061), (1019, 1066)):
+        told = reference.configured({"axis": {"axis1": {"variables": variables_in_units(axis, *units)}}})
+        found = with_nc_axes(told, "told").config.nc_axes["axis1"]
+        assert found.feed == pytest.approx(10.0)
+        for key, value in wanted.parameters.items():
+            assert found.parameters[key] == pytest.approx(value, rel=1e-6), (units, key)
+    turned = reference.configured({"axis": {"axis1": {"variables": {"Units.LengthUnit": 1005}}}})
+    assert with_nc_axes(turned, "turned").config.nc_axes["axis1"].parameters["axis.unit"] == "deg"
