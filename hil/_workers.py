@@ -209,15 +209,22 @@ class Pool(Generic[TaskT, AnswerT]):
         jobs: How many.
         start: Starts a process.
         reuse: Whether a process gets further tasks after its first.
+        on_give: Told of every task that a process gets.
 
     """
 
     def __init__(
-        self, jobs: int, start: Callable[[], Worker] = start_interpreter, *, reuse: bool = True
+        self,
+        jobs: int,
+        start: Callable[[], Worker] = start_interpreter,
+        *,
+        reuse: bool = True,
+        on_give: Callable[[TaskT], object] | None = None,
     ) -> None:
         self._jobs = jobs
         self._start = start
         self._reuse = reuse
+        self._on_give = on_give
         self._waiting: deque[TaskT] = deque()
         self._idle: list[Worker] = []
 
@@ -265,6 +272,8 @@ class Pool(Generic[TaskT, AnswerT]):
                 worker.connection.send(task)
         one = _Running(worker, task)
         one.wait_for_next()
+        if self._on_give is not None:
+            self._on_give(task)
         return one
 
     def _next(

@@ -240,6 +240,13 @@ def run(
         ),
     ] = "",
     list_only: Annotated[bool, typer.Option("--list", help="Show the cases and run nothing.")] = False,
+    watch: Annotated[
+        bool,
+        typer.Option("--watch", help="Show the run in the browser: progress, failures, stop and resume."),
+    ] = False,
+    watch_port: Annotated[
+        int, typer.Option("--watch-port", min=0, max=65535, help="Port of its page; 0: any that is free.")
+    ] = 0,
     evidence: EvidenceOption = "failed",
     history: HistoryOption = "",
     summary: SummaryOption = "",
@@ -276,6 +283,7 @@ def run(
         configurations=configurations,
         controllers=controllers,
         verbose=verbose,
+        watch_port=watch_port if watch else None,
     )
     raise typer.Exit(list_cases(request) if list_only else run_campaigns(request))
 

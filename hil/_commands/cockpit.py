@@ -21,7 +21,7 @@ from hil.errors import CannotRunError
 
 _NEEDED: Final = ("starlette", "uvicorn", "websockets")
 _SHORTEST_TOKEN: Final = 16
-_LOOPBACK: Final = "127.0.0.1"
+LOOPBACK: Final = "127.0.0.1"
 
 
 def run_cockpit(
@@ -50,22 +50,18 @@ def run_cockpit(
         ConfigurationError: A host is given without a token file, or the file cannot be used.
 
     """
-    missing = [name for name in _NEEDED if find_spec(name) is None]
-    if missing:
-        raise CannotRunError(
-            f"the cockpit needs {', '.join(missing)}: install it with `pip install 'motion-hil[cockpit]'`"
-        )
+    check_installed()
     from hil.cockpit.assembly import cockpit
     from hil.cockpit.server import http_server
 
-    address = host or _LOOPBACK
+    address = host or LOOPBACK
     if host and not _is_loopback(host) and token_file is None:
         raise ConfigurationError("--host", host, "a loopback address, or any together with --token-file")
     token = secrets.token_urlsafe(24) if token_file is None else _token(token_file)
     bench_file = load_bench_file(bench or None)
     if not isinstance(bench_file, BenchFile):
         raise ConfigurationError("bench", bench, "a bench file or an embedded name")
-    with closing(_listen(address, port)) as listening:
+    with closing(listen(address, port)) as listening:
         port = listening.getsockname()[1]
         name = f"[{address}]" if ":" in address else address
         hosts = [f"{one}:{port}" for one in _names(name)]
@@ -90,6 +86,20 @@ def run_cockpit(
     return 0
 
 
+def check_installed() -> None:
+    """Refuse what a page in the browser needs and is not installed.
+
+    Raises:
+        CannotRunError: The extra `cockpit` is not installed.
+
+    """
+    missing = [name for name in _NEEDED if find_spec(name) is None]
+    if missing:
+        raise CannotRunError(
+            f"the cockpit needs {', '.join(missing)}: install it with `pip install 'motion-hil[cockpit]'`"
+        )
+
+
 def _is_loopback(host: str) -> bool:
     try:
         return ip_address(host).is_loopback
@@ -99,10 +109,10 @@ def _is_loopback(host: str) -> bool:
 
 def _names(name: str) -> list[str]:
     """Return the names under which a page may ask for an address."""
-    if name == _LOOPBACK:
+    if name == LOOPBACK:
         return [name, "localhost"]
     if name in {"0.0.0.0", "[::]"}:  # noqa: S104 - said by the user, with a token file
-        return [_LOOPBACK, "localhost", socket.gethostname(), *_own_addresses()]
+        return [LOOPBACK, "localhost", socket.gethostname(), *_own_addresses()]
     return [name]
 
 
@@ -129,7 +139,13 @@ def _token(file: Path) -> str:
     return token
 
 
-def _listen(address: str, port: int) -> socket.socket:
+def listen(address: str, port: int) -> socket.socket:
+    """Return a socket that listens.
+
+    Raises:
+        CannotRunError: The port is taken.
+
+    """
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     listening = socket.socket(family, socket.SOCK_STREAM)
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final, cast
+from typing import TYPE_CHECKING, Final, cast
 
+from hil._commands.cockpit import LOOPBACK, check_installed, listen
 from hil._commands.terminal import CaseProgress, console, print_json, quiet_stdout
-from hil._outputs import check_summary, give_summary, kept
+from hil._outputs import check_summary, give_summary, history_file, kept
 from hil._requirements import Requirement, complete, own_requirements
+from hil._workers import number_of_processes
 from hil.bench.makes import make_of
 from hil.campaign import (
     SHIPPED,
@@ -32,8 +35,11 @@ from hil.configurations import differing
 from hil.errors import CannotRunError
 from hil.protocols import kind_of
 from reports import Background, ReportPaths, replay_command, summary, write_report
-from reports.model import Earlier, RunResult, Verdict
-from reports.store import load_run
+from reports.model import CaseResult, Earlier, RunResult, Verdict
+from reports.store import RUN_FILE, load_run
+
+if TYPE_CHECKING:
+    from hil.cockpit.campaign_watch import CampaignWatch
 
 _KEEP: Final = ("failed", "all", "none")
 MOST_EACH: Final = 100
@@ -73,6 +79,8 @@ class RunRequest:
     """Requirements of the user, which lead the report."""
     configurations: str = ""
     """`pairwise` or `pairwise:3`: every case on configurations in place of its own bench."""
+    watch_port: int | None = None
+    """Port of the page that shows the run; 0: any that is free; None: no page."""
     controllers: str = ""
     """`nc` or `s7,nc`: every case on axes of these makes; empty: on those of the bench."""
 
@@ -284,13 +292,17 @@ def run_selected(cases: list[Selected], request: RunRequest, own: Sequence[Requi
         budget_s=request.budget_s,
         cluster=request.cluster,
     )
-    with quiet_stdout(request.as_json), only_run_in(request.report):
+    with quiet_stdout(request.as_json), only_run_in(request.report), ExitStack() as stack:
         mine = shard(cases, options.shard)
-        groups = Counter(item.case.group for item in mine)
-        with CaseProgress(len(mine), groups=groups, verbose=request.verbose) as progress:
-            run = Runner(cases, options, on_result=progress.case_done).run()
-        background = kept(run, request.report, request.history)
-        paths = finish(run, request.report, background, own=own)
+        watch = None if request.watch_port is None else stack.enter_context(_page(mine, options, request))
+        run, background, paths = _run_once(cases, options, request, own, watch)
+        while watch is not None and (not run.interrupted or watch.stopping):
+            watch.paused(finished=not run.interrupted)
+            if not _goes_on(watch):
+                break
+            watch.resumed()
+            again = replace(options, resume=True)
+            run, background, paths = _run_once(cases, again, request, own, watch)
     give_summary(request.summary, run, background, paths)
     if request.as_json:
         print_json(summary(run, report=str(paths.report), junit=str(paths.junit)))
@@ -298,6 +310,69 @@ def run_selected(cases: list[Selected], request: RunRequest, own: Sequence[Requi
     if request.budget_s and run.interrupted:
         console().print(skipped(run, mine), style="bold yellow", markup=False)
     return exit_code(run)
+
+
+def _run_once(
+    cases: list[Selected],
+    options: RunOptions,
+    request: RunRequest,
+    own: Sequence[Requirement],
+    watch: CampaignWatch | None,
+) -> tuple[RunResult, Background | None, ReportPaths]:
+    """Run what is left of the cases, and write the report."""
+    mine = shard(cases, options.shard)
+    groups = Counter(item.case.group for item in mine)
+    with CaseProgress(len(mine), groups=groups, verbose=request.verbose) as progress:
+
+        def done(result: CaseResult, number: int, total: int) -> None:
+            progress.case_done(result, number, total)
+            if watch is not None:
+                watch.case_done(result)
+
+        run = Runner(
+            cases,
+            options,
+            on_result=done,
+            on_begin=None if watch is None else watch.case_began,
+            stop=None if watch is None else lambda: watch.stopping,
+        ).run()
+    background = kept(run, request.report, request.history)
+    return run, background, finish(run, request.report, background, own=own)
+
+
+@contextmanager
+def _page(mine: Sequence[Selected], options: RunOptions, request: RunRequest) -> Iterator[CampaignWatch]:
+    """Serve the page of a run.
+
+    Raises:
+        CannotRunError: The extra `cockpit` is not installed, or the port is taken.
+
+    """
+    check_installed()
+    from hil.cockpit.campaign_watch import CampaignWatch
+    from hil.cockpit.watch_server import served_watch
+
+    goes_on = request.resume and (request.report / RUN_FILE).exists()
+    groups = dict.fromkeys(item.case.group for item in mine)
+    watch = CampaignWatch(
+        ", ".join(groups),
+        len(mine),
+        workers=min(number_of_processes(options.jobs), max(len(mine), 1)),
+        history=history_file(request.history, request.report),
+        earlier=load_run(request.report, lazy=True).cases if goes_on else (),
+    )
+    with served_watch(watch, listen(LOOPBACK, request.watch_port or 0)) as address:
+        console().print(f"watch this run: {address}", markup=False, soft_wrap=True)
+        yield watch
+
+
+def _goes_on(watch: CampaignWatch) -> bool:
+    """Wait until somebody lets a stopped run go on, or ends the command."""
+    console().print("the page stays until End is pressed there, or Ctrl-C", markup=False)
+    try:
+        return watch.wait_for_orders()
+    except KeyboardInterrupt:
+        return False
 
 
 def _refuse_live(cases: list[Selected], bench: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Protocol
@@ -10,6 +10,8 @@ from typing import Protocol
 from hil._workers import Answer, Ended, Pool
 from hil.campaign._case import Case
 from hil.campaign._worker import Order, Parcel, run_order
+
+OnBegin = Callable[[Order], object]
 
 
 @dataclass(frozen=True)
@@ -40,15 +42,19 @@ class InProcess:
 
     Args:
         cases: The cases by identifier.
+        on_begin: Told of every order before it is executed.
 
     """
 
-    def __init__(self, cases: Mapping[str, Case]) -> None:
+    def __init__(self, cases: Mapping[str, Case], on_begin: OnBegin | None = None) -> None:
         self._cases = cases
+        self._on_begin = on_begin
 
     def execute(self, orders: Sequence[Order]) -> Generator[Finished, None, None]:
         """Execute all orders in their order."""
         for order in orders:
+            if self._on_begin is not None:
+                self._on_begin(order)
             yield Finished(order, Parcel(run_order(order, self._cases[order.identifier])))
 
 
@@ -57,15 +63,20 @@ class LocalProcesses:
 
     Args:
         jobs: Number of processes.
+        on_begin: Told of every order that a process gets.
 
     """
 
-    def __init__(self, jobs: int) -> None:
+    def __init__(self, jobs: int, on_begin: OnBegin | None = None) -> None:
         self._jobs = jobs
+        self._on_begin = on_begin
 
     def execute(self, orders: Sequence[Order]) -> Generator[Finished, None, None]:
         """Execute all orders; a process that dies or hangs is replaced."""
-        with Pool[Order, Parcel](self._jobs) as pool, closing(pool.run(orders)) as events:
+        with (
+            Pool[Order, Parcel](self._jobs, on_give=self._on_begin) as pool,
+            closing(pool.run(orders)) as events,
+        ):
             yield from finished_orders(events)
 
 

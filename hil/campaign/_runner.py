@@ -20,7 +20,7 @@ from hil.bench.makes import NC_BENCH
 from hil.campaign._case import Case
 from hil.campaign._discover import Selected
 from hil.campaign._execute import LIVE_REPETITIONS, make_token
-from hil.campaign._executor import Executor, Finished, InProcess, LocalProcesses
+from hil.campaign._executor import Executor, Finished, InProcess, LocalProcesses, OnBegin
 from hil.campaign._files import FOLDER, Keep
 from hil.campaign._worker import Order, bench_of
 from hil.errors import CannotRunError
@@ -139,6 +139,8 @@ class Runner:
         cases: What to run, in order.
         options: How.
         on_result: Called after every case.
+        on_begin: Called with the identifier of every case that begins on this machine.
+        stop: Asked after every case whether the run shall end here, as if interrupted.
 
     Raises:
         CannotRunError: A negative worker count, `twice` on a live bench, or a
@@ -147,7 +149,13 @@ class Runner:
     """
 
     def __init__(
-        self, cases: Sequence[Selected], options: RunOptions, *, on_result: OnResult | None = None
+        self,
+        cases: Sequence[Selected],
+        options: RunOptions,
+        *,
+        on_result: OnResult | None = None,
+        on_begin: Callable[[str], object] | None = None,
+        stop: Callable[[], bool] | None = None,
     ) -> None:
         self._jobs = number_of_processes(options.jobs)
         if options.wall_limit_s < 0:
@@ -156,6 +164,10 @@ class Runner:
         self._cases = {selected.case.identifier: selected for selected in shard(cases, options.shard)}
         self._options = options
         self._on_result = on_result
+        self._on_begin: OnBegin | None = (
+            None if on_begin is None else lambda order: on_begin(order.identifier)
+        )
+        self._stop = stop
         self._results: dict[str, CaseResult] = {}
         self._run = RunResult(
             title=options.title or _title(cases),
@@ -185,7 +197,8 @@ class Runner:
         try:
             for result in self._execute(orders):
                 self._keep(result)
-                if budget_s and time.monotonic() - started > budget_s:
+                used_up = budget_s and time.monotonic() - started > budget_s
+                if used_up or (self._stop is not None and self._stop()):
                     self._run.interrupted = len(self._results) < len(self._cases)
                     break
         except KeyboardInterrupt:
@@ -272,12 +285,13 @@ class Runner:
             return Cluster(options.cluster)
         jobs = min(self._jobs, number)
         if jobs == 1:
-            return InProcess({name: selected.case for name, selected in self._cases.items()})
+            cases = {name: selected.case for name, selected in self._cases.items()}
+            return InProcess(cases, self._on_begin)
         # Two cases on the same bus would disturb each other.
         alone = any(
             kind_of(bench_of(self._bench_for(selected))) != "virtual" for selected in self._cases.values()
         )
-        return LocalProcesses(1 if alone else jobs)
+        return LocalProcesses(1 if alone else jobs, self._on_begin)
 
     def _result_of(self, finished: Finished) -> CaseResult:
         order, parcel = finished.order, finished.parcel

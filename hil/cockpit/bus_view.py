@@ -25,9 +25,10 @@ if TYPE_CHECKING:
 
 MOST_ROWS: Final = 500
 """Frames in one answer."""
-_MOST_LOOKED_AT: Final = 4000
-"""Frames that one request looks at, so that a filter does not hold up the bench."""
-_CYCLIC: Final = ("SYNC", "TPDO", "RPDO")
+_MOST_LOOKED_AT: Final = 100_000
+"""Frames that one request goes back by."""
+_MOST_DECODED: Final = 4000
+"""Frames that one request decodes, so that a filter does not hold up the bench."""
 _TYPES: Final = {
     0x01: "BOOLEAN",
     0x02: "INTEGER8",
@@ -87,20 +88,29 @@ class BusView:
         """
         log = self._log(segment)
         end = len(log)
-        first = max(end - _MOST_LOOKED_AT if words or not cyclic else end - most, since, 0)
         wanted = words.lower().split()
-        rows: list[JsonObject] = []
-        for number in range(first, end):
-            row = self._row(segment, number, log[number])
-            text = str(row["text"])
-            if not cyclic and text.startswith(_CYCLIC):
-                continue
-            if wanted:
-                shown = f"{row['id']} {row['sender']} {text}".lower()
-                if not all(word in shown for word in wanted):
-                    continue
-            rows.append(row)
-        return {"next": end, "rows": rows[-most:], "left_out": max(0, first - since) if since >= 0 else 0}
+        budget = _MOST_DECODED if wanted else most
+        skipped = frozenset() if cyclic else self._cyclic(segment)
+        chosen: list[int] = []
+        number = end
+        while number > max(since, end - _MOST_LOOKED_AT, 0) and len(chosen) < budget:
+            number -= 1
+            if not skipped or log[number][2].can_id not in skipped:
+                chosen.append(number)
+        rows = []
+        for place in reversed(chosen):  # in order: decoding learns from what it sees
+            row = self._row(segment, place, log[place])
+            shown = f"{row['id']} {row['sender']} {row['text']}".lower()
+            if all(word in shown for word in wanted):
+                rows.append(row)
+        return {"next": end, "rows": rows[-most:], "left_out": max(0, number - since) if since >= 0 else 0}
+
+    def _cyclic(self, segment: str) -> frozenset[int]:
+        """Return the identifiers of SYNC and PDOs."""
+        if segment not in self._bench.network_names:
+            return frozenset()
+        decoder = self._decoder(segment)
+        return frozenset((decoder.sync_id, *decoder.pdo_ids))
 
     def _row(
         self, segment: str, number: int, entry: tuple[int, str, CanFrame | ModbusFrame, str]

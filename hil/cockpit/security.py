@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import hmac
 import secrets
 from collections.abc import Iterable
@@ -9,7 +10,9 @@ from http.cookies import CookieError, SimpleCookie
 from typing import TYPE_CHECKING, Final
 
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.responses import PlainTextResponse
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -19,8 +22,9 @@ POLICY: Final = (
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 """Content security policy: nothing from anywhere else, nothing inline."""
+_POLICY: Final = "content-security-policy"
 _HEADERS: Final = {
-    "content-security-policy": POLICY,
+    _POLICY: POLICY,
     "x-content-type-options": "nosniff",
     "referrer-policy": "no-referrer",
     "cross-origin-opener-policy": "same-origin",
@@ -28,6 +32,9 @@ _HEADERS: Final = {
     "permissions-policy": "camera=(), geolocation=(), microphone=()",
     "cache-control": "no-store",
 }
+_LONGEST_TOKEN: Final = 1024
+_WRONG_TOKEN_S: Final = 0.5
+"""Time that the answer to a wrong token takes, s."""
 _REFUSED: Final = 4403
 """Code with which a WebSocket is closed that may not be opened."""
 
@@ -65,8 +72,31 @@ class Admission:
         )
 
 
+def enter_routes(admission: Admission) -> list[Route]:
+    """Return the way in: `POST` gives the cookie for the token, `GET` says whether it is there."""
+
+    async def enter(request: Request) -> Response:
+        body = b""
+        async for part in request.stream():
+            body += part
+            if len(body) > _LONGEST_TOKEN:
+                return PlainTextResponse("too long", status_code=413)
+        cookie = admission.cookie(body.decode("utf-8", "replace").strip())
+        if cookie is None:
+            await asyncio.sleep(_WRONG_TOKEN_S)
+            return PlainTextResponse("wrong token", status_code=403)
+        return Response(status_code=204, headers={"set-cookie": cookie})
+
+    async def entered(request: Request) -> Response:
+        return Response(status_code=204 if admission.admits(request.headers) else 401)
+
+    return [Route("/enter", enter, methods=["POST"]), Route("/enter", entered, methods=["GET"])]
+
+
 class Guard:
     """Refuses requests for another host or from a page of another origin, and gives every answer its headers.
+
+    An answer with a content security policy of its own keeps it.
 
     Args:
         app: What is guarded.
@@ -95,7 +125,11 @@ class Guard:
 
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                MutableHeaders(scope=message).update(_HEADERS)
+                headers = MutableHeaders(scope=message)
+                own = headers.get(_POLICY)
+                headers.update(_HEADERS)
+                if own is not None:
+                    headers[_POLICY] = own
             await send(message)
 
         if refusal:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.responses import FileResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
@@ -29,7 +29,7 @@ from hil.cockpit.messages import (
     MessageReader,
     RateLimit,
 )
-from hil.cockpit.security import Admission, Guard
+from hil.cockpit.security import Admission, Guard, enter_routes
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -42,9 +42,6 @@ PAGE: Final = Path(__file__).parent / "page"
 _LIFE: Final = '{"kind":"life"}'
 """Sign of life of an operator; it does not wait for the thread of the bench."""
 _MOST_PAGES: Final = 16
-_LONGEST_TOKEN: Final = 1024
-_WRONG_TOKEN_S: Final = 0.5
-"""Time that the answer to a wrong token takes, s."""
 _NOT_ADMITTED: Final = 4401
 _TOO_MANY: Final = 4408
 _TOO_FAST: Final = 4429
@@ -179,21 +176,6 @@ def application(
     async def index(_: Request) -> Response:
         return FileResponse(PAGE / "index.html")
 
-    async def enter(request: Request) -> Response:
-        body = b""
-        async for part in request.stream():
-            body += part
-            if len(body) > _LONGEST_TOKEN:
-                return PlainTextResponse("too long", status_code=413)
-        cookie = admission.cookie(body.decode("utf-8", "replace").strip())
-        if cookie is None:
-            await asyncio.sleep(_WRONG_TOKEN_S)
-            return PlainTextResponse("wrong token", status_code=403)
-        return Response(status_code=204, headers={"set-cookie": cookie})
-
-    async def entered(request: Request) -> Response:
-        return Response(status_code=204 if admission.admits(request.headers) else 401)
-
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
         machine.start()
@@ -205,8 +187,7 @@ def application(
     library = _library()
     routes = [
         Route("/", index),
-        Route("/enter", enter, methods=["POST"]),
-        Route("/enter", entered, methods=["GET"]),
+        *enter_routes(admission),
         WebSocketRoute("/socket", pages.serve),
         Route("/uplot.js", lambda _: FileResponse(library / "uPlot.iife.js", media_type="text/javascript")),
         Route("/uplot.css", lambda _: FileResponse(library / "uPlot.min.css", media_type="text/css")),

@@ -3,8 +3,8 @@
 import { field, h, mark, number, show, text, toast } from "../dom.js";
 
 const ASK_MS = 250;
-const MOST_ROWS = 400;
-const SHOWN_OBJECTS = 300;
+const MOST_ROWS = 200;
+const SHOWN_OBJECTS = 80;
 
 class BusView {
   constructor(context) {
@@ -19,7 +19,7 @@ class BusView {
     this.said = h("span.note", { role: "status" }, "");
     this.rows = h("tbody", {});
     this.frames = h("div.scroll.frames", { tabIndex: 0, role: "region", ariaLabel: "Frames" }, h("table", {}, h("thead", {}, h("tr", {}, h("th.right", {}, "Time"), h("th", {}, "ID"), h("th", {}, "From"), h("th", {}, "Data"), h("th", {}, "Meaning"))), this.rows));
-    this.detail = h("section.card.detail", {}, h("h2", {}, "Frame"), h("p.note", {}, "Choose a frame: its fields and bits are shown here."));
+    this.detail = h("section.card.detail", { tabIndex: 0, ariaLabel: "Frame in detail" }, h("h2", {}, "Frame"), h("p.note", {}, "Choose a frame: its fields and bits are shown here."));
     this.node = h("select", { ariaLabel: "Node", onchange: () => this.#objects() });
     this.find = h("input", { type: "search", placeholder: "6040h, ramp, 1018h \u2026", ariaLabel: "Search objects", oninput: () => this.#list() });
     this.foundObjects = h("span.note", { role: "status" }, "");
