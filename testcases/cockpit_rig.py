@@ -128,11 +128,11 @@ def _true(condition: Callable[[], object]) -> bool:
 class Served:
     """A cockpit that is served on the loopback, and the cookie of a page that came in with the token."""
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, token: str = TOKEN) -> None:
         self.port = port
         self.host = f"127.0.0.1:{port}"
         self.origin = f"http://{self.host}"
-        status, headers, _ = self.http("POST", "/enter", body=TOKEN)
+        status, headers, _ = self.http("POST", "/enter", body=token)
         assert status == 204
         self.cookie = headers["set-cookie"].partition(";")[0]
 

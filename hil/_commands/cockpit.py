@@ -151,6 +151,7 @@ def listen(address: str, port: int) -> socket.socket:
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((address, port))
+        listening.listen()  # who reads the address may come at once
     except OSError as error:
         listening.close()
         raise CannotRunError(f"port {port} of {address}: {error.strerror}; another one with --port") from None

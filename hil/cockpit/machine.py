@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 _STATE_S: Final = 0.1
 """Time between two states for the pages, s."""
+_LOOK_S: Final = 1.0
+_MOST_FRAMES: Final = 4_000_000
+"""Frames of a recording, which take about 1 GB: more than an hour of the reference bench."""
 _NO_BENCH: Final = "no bench is up: start one in the view Bench"
 
 Carried = Callable[["Client", Message, int], object]
@@ -57,6 +60,7 @@ class Machine:
         self._wake = threading.Event()
         self._ending = False
         self._next_state_s = 0.0
+        self._next_look_s = 0.0
         self._aside = ThreadPoolExecutor(max_workers=1, thread_name_prefix="aside")
         self._thread = threading.Thread(target=self._run, name="bench", daemon=True)
 
@@ -151,15 +155,16 @@ class Machine:
         self.bench_file = bench_file
         self.failure = ""
         try:
-            bench = bench_file.build(seed=self._seed)
-        except HilError as error:
-            self.failure = str(error)
+            bench = self.bench = bench_file.build(seed=self._seed)
+            self.pace = Pace(bench)
+            for pane in self._panes:
+                pane.begin(bench)
+        except Exception as error:
+            with suppress(Exception):
+                self._close()
+            self.failure = _said(error)
             self._describe()
             raise
-        self.bench = bench
-        self.pace = Pace(bench)
-        for pane in self._panes:
-            pane.begin(bench)
         self._describe()
 
     def _close(self) -> None:
@@ -174,22 +179,28 @@ class Machine:
             bench.close()
 
     def _run(self) -> None:
-        with suppress(HilError):  # its message is kept in `failure`, and every page shows it
+        with suppress(Exception):  # its message is kept in `failure`, and every page shows it
             self.open(self.bench_file)
         try:
             while not self._ending:
-                self._round()
+                try:
+                    self._round()
+                except Exception as error:  # noqa: BLE001 - a bench that breaks does not take the cockpit along
+                    self._broken(error)
         finally:
             self._close()
 
     def _round(self) -> None:
         for _ in range(len(self._work)):
             self._work.popleft()()
-        wait_s = self._advance()
+        wait_s = _STATE_S if self.pace is None else self.pace.advance()
         now_s = time.monotonic()
         if self.bench is not None:
             for pane in self._panes:
                 pane.pulse(now_s)
+            if now_s >= self._next_look_s:
+                self._next_look_s = now_s + _LOOK_S
+                self._bound()
         if now_s >= self._next_state_s:
             self._next_state_s = now_s + _STATE_S
             self._show()
@@ -197,20 +208,20 @@ class Machine:
             self._wake.wait(wait_s)
         self._wake.clear()
 
-    def _advance(self) -> float:
-        if self.pace is None:
-            return _STATE_S
-        try:
-            return self.pace.advance()
-        except Exception as error:  # noqa: BLE001 - a bench that breaks must not take the cockpit along
-            self._broken(error)
-            return 0.0
+    def _bound(self) -> None:
+        """Keep the recording from filling the memory: a virtual bench stands still, a live one forgets."""
+        bench, pace = self.bench, self.pace
+        if bench is None or pace is None or bench.recorder.frame_count < _MOST_FRAMES:
+            return
+        if pace.live:
+            bench.recorder.forget()
+        elif pace.running:
+            pace.hold(f"the recording is full with {_MOST_FRAMES} frames; Reset bench begins a new one")
 
     def _broken(self, error: Exception) -> None:
-        said = str(error) if isinstance(error, HilError) else f"{type(error).__name__}: {error}"
         with suppress(Exception):
             self._close()
-        self.failure = f"the bench has broken off: {said}"
+        self.failure = f"the bench has broken off: {_said(error)}"
         self._describe()
 
     def _carry_out(self, message: Message, client: Client) -> None:
@@ -223,8 +234,8 @@ class Machine:
         except HilError as error:
             client.send({**reply, "ok": False, "error": str(error)})
             return
-        except Exception as error:  # noqa: BLE001 - a bench that breaks must not take the cockpit along
-            client.send({**reply, "ok": False, "error": f"{type(error).__name__}: {error}"})
+        except Exception as error:  # noqa: BLE001 - a bench that breaks does not take the cockpit along
+            client.send({**reply, "ok": False, "error": _said(error)})
             if not message.aside:
                 self._broken(error)
             return
@@ -281,3 +292,8 @@ class Machine:
         for client in clients:
             if not client.busy:
                 client.show(text)
+
+
+def _said(error: Exception) -> str:
+    """Return what an exception says; a programming error with its type."""
+    return str(error) if isinstance(error, HilError) else f"{type(error).__name__}: {error}"

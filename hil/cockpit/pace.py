@@ -76,6 +76,11 @@ class Pace:
         self.running = False
         self._forget()
 
+    def hold(self, why: str) -> None:
+        """Let the time of a virtual bench stand still, for a reason that the pages show."""
+        self.pause()
+        self.met = why
+
     def step(self, cycles: int) -> None:
         """Let whole bus cycles pass, up to the end of the last one, and stand still.
 

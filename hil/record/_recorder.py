@@ -213,6 +213,11 @@ class Recorder:
                 entries.clear()
         self.history.events.clear()
 
+    @property
+    def frame_count(self) -> int:
+        """Number of frames that are recorded of all buses."""
+        return sum(len(log()) for log in self._buses.values())
+
     def set_constant(self, name: str, value: float) -> None:
         """Note a fact of the bench (`axis1.max_deceleration`) that a judge of the trace needs."""
         self._constants[name] = float(value)

@@ -199,6 +199,9 @@ class BenchPane(Pane):
             return
         events = bench.history.events
         new = len(events) - self._seen
+        if new < 0:  # the recording has been forgotten
+            new = len(events)
+            self._seen = 0
         if new:
             shown = events[max(self._seen, len(events) - _MOST_EVENTS) :]
             self._seen = len(events)

@@ -35,8 +35,6 @@ _PERIOD_S: Final = 1 / 30
 """Time between two frames, s."""
 _MOST_ROWS: Final = 20_000
 """Rows of a frame."""
-_MOST_BEHIND: Final = 60_000
-"""Rows that a page may lag behind before samples are left out."""
 KEPT_ROWS: Final = 300_000
 """Rows of a group that are kept for pages that come later, and for what is saved: five minutes at 1 kHz."""
 
@@ -66,11 +64,11 @@ class _Stream:
         """Number of the next row that goes out."""
         self.lost = False
 
-    def frame(self, number: int) -> bytes | None:
-        """Return the next rows; None when there are no new ones."""
+    def frame(self, number: int, most_behind: int) -> bytes | None:
+        """Return the next rows, of the last `most_behind` ones; None when there are no new ones."""
         group = self.group
         rows = group.rows
-        oldest = max(group.first_row, rows - _MOST_BEHIND)
+        oldest = max(group.first_row, rows - most_behind)
         if self.row < oldest:
             self.row = oldest
             self.lost = True
@@ -94,11 +92,17 @@ class _Subscription:
 
 
 class ScopePane(Pane):
-    """Signals of the recorder for the pages."""
+    """Signals of the recorder for the pages.
+
+    Args:
+        most_behind: Rows that a page may lag behind before samples are left out.
+
+    """
 
     name = "scope"
 
-    def __init__(self) -> None:
+    def __init__(self, most_behind: int = 60_000) -> None:
+        self._most_behind = most_behind
         self._bench: Bench | None = None
         self._subscriptions: dict[Client, _Subscription] = {}
         self._next_s = 0.0
@@ -136,13 +140,21 @@ class ScopePane(Pane):
         streams = []
         for index, (name, columns) in enumerate(wanted.items()):
             group = groups[name]
-            back = _rows_back(group, message.back_s, bench.scheduler.now)
+            back = self._rows_back(group, message.back_s, bench.scheduler.now)
             streams.append(_Stream(index, group, columns, group.rows - back))
         self._subscriptions[client] = _Subscription(message.number, streams)
         return [
             [f"{stream.group.name}.{stream.group.columns[one][0]}" for one in stream.columns]
             for stream in streams
         ]
+
+    def _rows_back(self, group: Group, seconds: float, now_ns: int) -> int:
+        """Return how many of the newest rows are not older than some seconds."""
+        if not seconds:
+            return 0
+        from_row = max(group.first_row, group.rows - self._most_behind)
+        table = np.frombuffer(group.content_from(from_row), dtype="<i8").reshape(-1, 1 + len(group.columns))
+        return len(table) - int(np.searchsorted(table[:, 0], now_ns - round(seconds * 1e9)))
 
     def pulse(self, now_s: float) -> None:
         """Send what is new, and bound what is kept."""
@@ -154,7 +166,7 @@ class ScopePane(Pane):
             if client.busy:
                 continue
             for stream in subscription.streams:
-                frame = stream.frame(subscription.number)
+                frame = stream.frame(subscription.number, self._most_behind)
                 if frame is not None:
                     client.send(frame)
         for group in bench.recorder.groups:
@@ -165,15 +177,6 @@ class ScopePane(Pane):
         """Return all signals with their units, and the texts of those that are states."""
         bench = self._bench
         return None if bench is None else list(_signals(bench.recorder.groups))
-
-
-def _rows_back(group: Group, seconds: float, now_ns: int) -> int:
-    """Return how many of the newest rows are not older than some seconds."""
-    if not seconds:
-        return 0
-    from_row = max(group.first_row, group.rows - _MOST_BEHIND)
-    table = np.frombuffer(group.content_from(from_row), dtype="<i8").reshape(-1, 1 + len(group.columns))
-    return len(table) - int(np.searchsorted(table[:, 0], now_ns - round(seconds * 1e9)))
 
 
 def _signals(groups: Iterable[Group]) -> Iterable[dict[str, Any]]:

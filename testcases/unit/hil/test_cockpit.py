@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from hil.bench import load_bench
 from hil.cockpit.messages import RateLimit
+from hil.cockpit.panes.scope import ScopePane, Subscribe
 from testcases.cockpit_fuzz import fuzz
 from testcases.cockpit_rig import TOKEN, served
 
@@ -248,3 +250,44 @@ def test_drawn_messages():
     counts = fuzz(400, seed=1)
     assert counts["carried out"] > 50
     assert counts["refused"] > 50
+
+
+class SlowPage:
+    """Takes what a page gets, and reads nothing while it is busy."""
+
+    busy = False
+
+    def __init__(self):
+        self.frames = []
+
+    def send(self, content):
+        self.frames.append(content)
+
+
+def test_gaps_are_marked():
+    """A page that cannot follow gets the newest rows when it can again, and the frame says that some are
+    missing; one that lags a little misses nothing.
+    """
+    pane, page = ScopePane(most_behind=300), SlowPage()
+    with load_bench("reference").build() as bench:
+        pane.begin(bench)
+        message = Subscribe(kind="scope.subscribe", signals=["axis1.actual_position"], number=1)
+        pane.handlers[Subscribe](message, page)
+        found = []
+        for now_s, seconds, busy in (
+            (1.0, 0.4, False),
+            (2.0, 0.8, True),
+            (3.0, 0.2, False),
+            (4.0, 4.0, True),
+            (5.0, 0.2, False),
+        ):
+            page.busy = busy
+            bench.run_for(seconds)
+            pane.pulse(now_s)
+        for frame in page.frames:
+            _, flags, _, rows, _, _ = struct.unpack_from("<BBHIII", frame)
+            found.append((flags, rows))
+        pane.end()
+    assert found == [(0, 100), (0, 250), (1, 300)]
+    lost = np.frombuffer(page.frames[2], "<f8", 1, 16)[0] - np.frombuffer(page.frames[1], "<f8", 250, 16)[-1]
+    assert lost == pytest.approx(0.004 * (1050 - 300 + 1))
