@@ -99,7 +99,7 @@ export class Panel {
         scales: { x: { time: false, auto: false }, y: { range: (_, low, high) => span(low, high) } },
         axes: [
           { ...axis, show: true, size: options.axis === false ? 8 : 34, values: options.axis === false ? () => [] : (_, all) => all.map((one) => `${Number(one.toFixed(6))} s`) },
-          { ...axis, size: 66, values: (_, all) => all.map((one) => String(Number(one.toPrecision(7))).replace("-", "\u2212")), label: unit(options.unit), labelSize: 16, labelFont: "12px system-ui, sans-serif" },
+          { ...axis, size: 66, space: 26, values: (_, all) => all.map((one) => String(Number(one.toPrecision(7))).replace("-", "\u2212")), label: unit(options.unit), labelSize: 16, labelFont: "12px system-ui, sans-serif" },
         ],
         series: [
           {},

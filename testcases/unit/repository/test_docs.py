@@ -346,10 +346,16 @@ def test_links_lead_somewhere(subtests):
 
 
 @pytest.mark.parametrize(
-    ("name", "where"), [("report-list.png", "docs/reference/reports.md"), ("report-case.png", "README.md")]
+    ("name", "where"),
+    [
+        ("report-list.png", "docs/reference/reports.md"),
+        ("report-case.png", "README.md"),
+        ("cockpit-axis.png", "README.md"),
+        ("cockpit-scope.png", "docs/guides/cockpit.md"),
+    ],
 )
 def test_pictures_are_small_enough(name, where):
-    """The pictures of the report are screenshots of 1440 x 900 and small enough for a repository."""
+    """The pictures of report and cockpit are screenshots of 1440 x 900 and small enough for a repository."""
     content = (ROOT / "docs" / "images" / name).read_bytes()
 
     assert struct.unpack(">II", content[16:24]) == (1440, 900)

@@ -295,7 +295,7 @@ class AxisView {
       const labels = names.map((one) => one.split(".")[1].replaceAll("_", " "));
       const legend = h("div.legend", {}, ...labels.map((label, number) => h("span.key", {}, dot(number), label)));
       this.charts.append(legend, host);
-      const panel = new Panel(host, { names, labels, unit: this.signals.get(names[0]).unit, colours: names.map((_, number) => number), height: last ? 130 : 110, axis: last, key: "axis" });
+      const panel = new Panel(host, { names, labels, unit: this.signals.get(names[0]).unit, colours: names.map((_, number) => number), height: last ? 160 : 130, axis: last, key: "axis" });
       panel.names = names;
       this.panels.push(panel);
     });

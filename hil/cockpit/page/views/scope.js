@@ -294,7 +294,10 @@ class ScopeView {
       panel.plot.over.addEventListener("click", (event) => this.#click(panel, event));
       panel.plot.over.addEventListener("dblclick", () => this.#back());
       panel.plot.over.addEventListener("mousemove", () => this.#hover(panel));
-      panel.plot.over.addEventListener("mouseleave", () => (this.pointed = null));
+      panel.plot.over.addEventListener("mouseleave", () => {
+        this.pointed = null;
+        this.dirty = true;
+      });
       this.panels.push(panel);
     });
     const states = this.channels.filter((one) => one.texts);
