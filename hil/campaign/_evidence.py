@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from operator import itemgetter
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -249,10 +250,9 @@ def build_messages(
     for bus in trace.buses:
         log = trace.raw_frames(bus)
         protocol = protocol_of(log)
-        times = [entry[0] for entry in log]
         wanted: set[int] = set()
         for mark in marks:
-            middle = bisect_left(times, mark)
+            middle = bisect_left(log, mark, key=itemgetter(0))
             wanted.update(range(max(middle - window, 0), min(middle + window, len(log))))
         for index in sorted(wanted):
             time_ns, sender, frame, error = log[index]

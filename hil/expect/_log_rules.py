@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.record import Trace
+from hil.record import Signal, Trace
 from reports.model import Check, Verdict
 
 PERIOD: Final = "sync_period_s"
@@ -24,6 +24,8 @@ known to be missing.
 _LIFE_LAST: Final = 15
 _LIFE_SHIFT: Final = 12
 
+Numbers = NDArray[np.float64]
+Silences = list[tuple[float, float, str]]
 Words = NDArray[np.uint16]
 Flags = NDArray[np.bool_]
 
@@ -83,36 +85,54 @@ def check_log_signs_of_life(trace: Trace) -> list[Check]:
     for word, whose in (("drive_zsw2", ""), ("drive_stw2", " in the telegram to it")):
         for drive in trace.components_with(word):
             period_s = trace.constants.get(f"{drive}.{PERIOD}", 0.0)
-            times, values = _word(trace, drive, word)
-            sign = values >> _LIFE_SHIFT & 0xF
-            if not period_s or not sign.any():
+            signal = trace[f"{drive}.{word}"]
+            if not period_s or not any(_signs(values).any() for _, values in signal.parts()):
                 continue
-            at = np.flatnonzero(sign[1:] != sign[:-1]) + 1
-            old, new = sign[at - 1].astype(np.int64), sign[at].astype(np.int64)
-            since = np.diff(times[at], prepend=times[0])
-            # Frames that the recorder has lost take a count along each.
-            possible = np.maximum(1, np.floor(since / period_s + 0.75))
-            ahead = (old > 0) & (new > 0) & ((new - old) % _LIFE_LAST > possible)
-            ahead &= _known(trace, drive, times, period_s)[at]
-            problems = [
-                (float(times[place]), f"{int(sign[place - 1])} is followed by {int(sign[place])}")
-                for place in at[ahead]
-            ]
+            problems, changes = _jumps(signal, period_s, trace.silences(drive))
             checks.append(
                 _check(
                     f"sign of life of {drive}{whose}",
                     "0, or 1 to 15 and again 1, one per bus cycle",
                     problems,
                     ("PD-123",),
-                    f"{len(at)} changes",
+                    f"{changes} changes",
                 )
             )
     return checks
 
 
+def _signs(words: Numbers) -> NDArray[np.int64]:
+    return words.astype(np.int64) >> _LIFE_SHIFT & 0xF
+
+
+def _jumps(signal: Signal, period_s: float, silences: Silences) -> tuple[list[tuple[float, str]], int]:
+    """Return where a counter has run ahead of the cycle, and how often it has changed."""
+    problems: list[tuple[float, str]] = []
+    changes = 0
+    last, changed_s = np.empty(0, dtype=np.int64), float(signal.time_s[0])
+    for time_s, words in signal.parts():
+        sign = np.concatenate((last, _signs(words)))
+        times = np.concatenate((np.full(len(last), changed_s), time_s))
+        at = np.flatnonzero(sign[1:] != sign[:-1]) + 1
+        old, new = sign[at - 1], sign[at]
+        since = np.diff(times[at], prepend=changed_s)
+        # Frames that the recorder has lost take a count along each.
+        possible = np.maximum(1, np.floor(since / period_s + 0.75))
+        ahead = (old > 0) & (new > 0) & ((new - old) % _LIFE_LAST > possible)
+        ahead &= _known(silences, times[at], period_s)
+        problems += [
+            (float(times[place]), f"{int(sign[place - 1])} is followed by {int(sign[place])}")
+            for place in at[ahead]
+        ]
+        changes += len(at)
+        last = sign[-1:]
+        changed_s = float(times[at[-1]]) if len(at) else changed_s
+    return problems, changes
+
+
 def _acknowledging(trace: Trace, drive: str, profile: _Profile, period_s: float) -> Check:
-    times, status = _word(trace, drive, profile.status)
-    command_times, command = _word(trace, drive, profile.command)
+    times, status = _changes(trace, drive, profile.status)
+    command_times, command = _changes(trace, drive, profile.command)
     set_ = command & profile.acknowledge_mask == profile.acknowledge_value
     bit = command & 0x0080 != 0
     edges = command_times[1:][set_[1:] & ~bit[:-1]]
@@ -144,27 +164,36 @@ def _acknowledging(trace: Trace, drive: str, profile: _Profile, period_s: float)
 
 
 def _off(trace: Trace, drive: str, profile: _Profile, period_s: float) -> list[Check]:
-    times, command = _word(trace, drive, profile.command)
-    if profile is _PROFIDRIVE:
-        if f"{drive}.drive_zsw2" not in trace.names():
-            return []
-        status_times, status = _word(trace, drive, "drive_zsw2")
-        powered = status & _PULSES != 0
-    else:
-        status_times, status = _word(trace, drive, profile.status)
-        powered = np.zeros(len(status), dtype=bool)
-        for mask, value in _POWERED:
-            powered |= status & mask == value
+    times, command = _changes(trace, drive, profile.command)
+    shows = "drive_zsw2" if profile is _PROFIDRIVE else profile.status
+    if f"{drive}.{shows}" not in trace:
+        return []
+    masks = ((_PULSES, _PULSES),) if profile is _PROFIDRIVE else _POWERED
     off = command & profile.off_mask == profile.off_value
     first = off.copy()
     first[1:] &= ~off[:-1]
-    run = np.maximum.accumulate(np.where(first, np.arange(len(times)), 0)) if len(times) else times
-    held = off & (times - times[run] >= _LATE * period_s) if len(times) else off
-    place = np.searchsorted(times, status_times, side="right") - 1
-    wrong = powered & (place >= 0) & held[np.maximum(place, 0)] if len(times) else powered & False
-    wrong &= _known(trace, drive, status_times, period_s)
-    starts = np.flatnonzero(wrong & ~np.concatenate(([False], wrong[:-1])))
-    problems = [(float(status_times[at]), f"still powered {_LATE} cycles after the command") for at in starts]
+    since = times[np.maximum.accumulate(np.where(first, np.arange(len(times)), 0))] if len(times) else times
+    silences = trace.silences(drive)
+    problems = []
+    before = False
+    for status_times, values in trace[f"{drive}.{shows}"].parts():
+        status = values.astype(np.uint16)
+        wrong = np.zeros(len(status), dtype=bool)
+        for mask, value in masks:
+            wrong |= status & mask == value
+        place = np.searchsorted(times, status_times, side="right") - 1
+        if len(times):
+            at = np.maximum(place, 0)
+            # The command comes once a cycle: one cycle more until it has been repeated for so long.
+            wrong &= (place >= 0) & off[at] & (status_times - since[at] >= (_LATE + 1) * period_s)
+        else:
+            wrong[:] = False
+        wrong &= _known(silences, status_times, period_s)
+        starts = np.flatnonzero(wrong & ~np.concatenate(([before], wrong[:-1])))
+        problems += [
+            (float(status_times[at]), f"still powered {_LATE} cycles after the command") for at in starts
+        ]
+        before = bool(wrong[-1])
     return [
         _check(
             f"{profile.off} of {drive}",
@@ -176,16 +205,18 @@ def _off(trace: Trace, drive: str, profile: _Profile, period_s: float) -> list[C
     ]
 
 
-def _word(trace: Trace, drive: str, name: str) -> tuple[NDArray[np.float64], Words]:
-    """Return a word from its first value on."""
-    signal = trace[f"{drive}.{name}"]  # what had not come yet is no sample of it
-    return signal.time_s, signal.values.astype(np.uint16)
+def _changes(trace: Trace, drive: str, name: str) -> tuple[Numbers, Words]:
+    """Return a word from its first value on, where it changes."""
+    found = trace[f"{drive}.{name}"].changes()  # what had not come yet is no sample of it
+    return np.array([time_s for time_s, _ in found]), np.array(
+        [int(word) for _, word in found], dtype=np.uint16
+    )
 
 
-def _known(trace: Trace, drive: str, times: NDArray[np.float64], period_s: float) -> Flags:
+def _known(silences: Silences, times: Numbers, period_s: float) -> Flags:
     """Return where something is known of a drive, and has been for some cycles."""
     known = np.ones(len(times), dtype=bool)
-    for silent_s, heard_s, _ in trace.silences(drive):
+    for silent_s, heard_s, _ in silences:
         known &= (times < silent_s) | (times > heard_s + _LATE * period_s)
     return known
 

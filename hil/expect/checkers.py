@@ -341,10 +341,13 @@ def check_drive_status_words(trace: Trace) -> list[Check]:
     checks = []
     for drive in trace.components_with("statusword"):
         signal = trace[f"{drive}.statusword"]
-        unknown = np.array([cia402_state(int(word)) == "" for word in signal.values], dtype=bool)
-        problems = [
-            (float(signal.time_s[i]), f"16#{int(signal.values[i]):04X}") for i in np.flatnonzero(unknown)
-        ]
+        problems = []
+        for time_s, values in signal.parts():
+            unknown = [word for word in np.unique(values) if not cia402_state(int(word))]
+            problems += [
+                (float(time_s[i]), f"16#{int(values[i]):04X}")
+                for i in np.flatnonzero(np.isin(values, unknown))
+            ]
         checks.append(
             _check(
                 f"statusword of {drive}",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldbus.errors import ConfigurationError
 from reports.model import Signal as ReportSignal
@@ -13,6 +15,8 @@ from reports.model import Signal as ReportSignal
 Direction = Literal["rising", "falling", "any"]
 DIRECTIONS: tuple[str, ...] = ("rising", "falling", "any")
 
+PART: Final = 65_536
+"""Samples of a piece."""
 _SLACK_S = 5e-10
 """Half a nanosecond: times are whole nanoseconds held as float64 seconds."""
 
@@ -79,11 +83,25 @@ class Signal(ReportSignal):
         """Return time and new value of every change, the first sample included: the
         change log of a word (DIA-111).
         """
-        values = self.values
-        if len(values) == 0:
-            return []
-        places = [0, *(int(index) + 1 for index in np.flatnonzero(values[1:] != values[:-1]))]
-        return [(float(self.time_s[place]), float(values[place])) for place in places]
+        found: list[tuple[float, float]] = []
+        last = np.empty(0)
+        for time_s, values in self.parts():
+            # A value differs from the one before, which may be the last one of the part before.
+            before = np.concatenate((last, values[:-1])) if len(last) else values[:-1]
+            at = np.flatnonzero(values[len(values) - len(before) :] != before) + len(values) - len(before)
+            if not len(last):
+                found.append((float(time_s[0]), float(values[0])))
+            found += [(float(time_s[place]), float(values[place])) for place in at]
+            last = values[-1:]
+        return found
+
+    def parts(self) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Return times and values piece by piece: those of a long log do not have to be in memory at once."""
+        for first in range(0, len(self.values), PART):
+            yield (
+                np.asarray(self.time_s[first : first + PART]),
+                np.asarray(self.values[first : first + PART]),
+            )
 
     def first_crossing(
         self, value: float, direction: Direction = "any", *, after_s: float = 0.0
