@@ -214,7 +214,8 @@ class _References:
             if axis.encoder is not None:
                 self._refer(f"{where}.encoder", "encoder", axis.encoder)
             return
-        self._refer(f"{where}.drive", "drive", axis.drive)
+        if axis.drive:
+            self._refer(f"{where}.drive", "drive", axis.drive)
         self._plc(where, axis.plc)
         if axis.inputs is not None:
             self._refer(f"{where}.inputs", "station", axis.inputs)
@@ -387,7 +388,7 @@ class _Fitting:
 
     def _axis(self, name: str, axis: AxisTable | NcAxisTable) -> None:
         where = f"axis.{name}"
-        if isinstance(axis, NcAxisTable) and not axis.drive:
+        if not axis.drive:
             return
         owner = self._driven.setdefault(axis.drive, name)
         if owner != name:

@@ -126,8 +126,10 @@ class AxisTable(Table, frozen=True):
     """
     type: Literal["positioning", "speed", "synchronous"] = "positioning"
     """Technology object."""
-    drive: str
-    """Name of the drive that the axis moves; each drive once."""
+    drive: str = ""
+    """Name of the drive that the axis moves; each drive once; a virtual axis (`"VirtualAxis.Mode" = 1`) may
+    have none.
+    """
     inputs: str | None = None
     """Station at which the limit and home switches of the drive count for this axis; none: those at the
     drive, or at the station of an analog drive; the name of a station.
@@ -175,6 +177,8 @@ class AxisTable(Table, frozen=True):
 
     @model_validator(mode="after")
     def _has_what_it_says(self) -> AxisTable:
+        if not self.drive:
+            self._does_without_a_drive()
         if self.type == "speed" and self.encoders is not None:
             raise ValueError("encoders: a speed axis has no encoder (CFG-174)")
         if self.leading and self.type != "synchronous":
@@ -188,6 +192,23 @@ class AxisTable(Table, frozen=True):
             )
         check_variables(OBJECTS[self.type], self.variables)
         return self
+
+    def _does_without_a_drive(self) -> None:
+        """Refuse keys that mean nothing without a drive.
+
+        Raises:
+            ValueError: The axis is no virtual one, or says something of a drive.
+
+        """
+        if self.variables.get("VirtualAxis.Mode") != 1:
+            raise ValueError(
+                'drive: missing; only a virtual axis has none: "VirtualAxis.Mode" = 1 among its variables'
+            )
+        for key in ("inputs", "encoders", "enable_timeout_s"):
+            if getattr(self, key) is not None:
+                raise ValueError(f"{key}: an axis without a drive has none")
+        if self.connection != "direct":
+            raise ValueError("connection: an axis without a drive has none")
 
 
 def _controller_of(table: Any) -> Any:

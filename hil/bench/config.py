@@ -157,7 +157,7 @@ class BenchConfig(Table, frozen=True):
         (CFG-282); None: the drive.
         """
         axis = self.s7_axes[name]
-        if axis.encoders is not None or axis.type == "speed":
+        if axis.encoders is not None or axis.type == "speed" or not axis.drive:
             return axis.encoders
         drive = self.drive[axis.drive]
         if not isinstance(drive, (ProfidriveCanTable, ProfidriveModbusTable)) or not drive.second_encoder:
@@ -167,7 +167,7 @@ class BenchConfig(Table, frozen=True):
 
     def wired_variables(self, name: str) -> dict[str, bool | int]:
         """Return the variables of an axis that follow from the wires of its analog drive."""
-        drive = self.drive[self.axis[name].drive]
+        drive = self.drive.get(self.axis[name].drive)
         if not isinstance(drive, AnalogDriveTable):
             return {}
         return drive.wired_variables(self.axis[name].drive, self.station)
@@ -177,6 +177,8 @@ class BenchConfig(Table, frozen=True):
         drive, encoders, switches and wires.
         """
         axis = self.s7_axes[name]
+        if not axis.drive:
+            return dict(axis.variables)
         drive = self.drive[axis.drive]
         values: dict[str, object] = dict(drive.taken_over())
         if axis.type != "speed":
@@ -223,7 +225,7 @@ class BenchConfig(Table, frozen=True):
     def inputs_of_axis(self, name: str) -> str | None:
         """Return the station to which the switches of an axis are wired; None: those at its drive count."""
         axis = self.s7_axes[name]
-        drive = self.drive[axis.drive]
+        drive = self.drive.get(axis.drive)
         if axis.inputs is None and isinstance(drive, AnalogDriveTable):
             return drive.station(axis.drive, self.station)
         return axis.inputs
@@ -241,7 +243,7 @@ class BenchConfig(Table, frozen=True):
         channel = None if station is None else station.wire("digital_inputs", f"{drive}.{switch}")
         if station is not None and channel is not None:
             return station.filter_s(channel)
-        table = self.drive[drive]
+        table = self.drive.get(drive)
         return table.switches.filter_s(switch) if isinstance(table, WITH_SWITCHES) else 0.0
 
     @property

@@ -19,7 +19,7 @@ from hil.bench.judged_numbers import numbers_of_axis
 from hil.bench.startup import LINK_TIMEOUT_NS, commission, wait_for_encoders
 from hil.bench.units import taken_over_in_unit
 from hil.errors import BlockedError
-from motion.drives.port import SWITCHES, DrivePort
+from motion.drives.port import SWITCHES, DrivePort, NoDrivePort
 from motion.s7.axis import ExternalEncoder, PositioningAxis, SpeedAxis, SynchronousAxis
 from motion.s7.cam_handle import CamHandle
 from motion.s7.cams import Cam
@@ -218,7 +218,7 @@ class ControlSystem:
 
     def _add_axis(self, name: str, section: AxisTable) -> None:
         config = self._config
-        port = self.ports.add(section.drive)
+        port: Port | NoDrivePort = self.ports.add(section.drive) if section.drive else NoDrivePort()
         variables = config.start_values(name)
         for proxy in config.proxy.values():
             if proxy.axis == name:
@@ -386,9 +386,10 @@ class ControlSystem:
         own = self._config.encoders_of_axis(name)
         if axis.has_position:
             drive = self._config.axis[name].drive
-            constants["encoder_of_drive"] = own is None or (len(own) > 0 and own[0] == drive)
+            first = own is None or (len(own) > 0 and own[0] == drive)
+            constants["encoder_of_drive"] = drive != "" and first
             constants["delay_s"] = axis.delay_s
-            constants["limits_at_drive"] = self._config.inputs_of_axis(name) is None
+            constants["limits_at_drive"] = drive != "" and self._config.inputs_of_axis(name) is None
         constants |= numbers_of_axis(axis.variables)
         for key, value in constants.items():
             self._recorder.set_constant(f"{name}.{key}", value)
@@ -493,7 +494,7 @@ class ControlSystem:
     def _linked(self) -> bool:
         return all(
             (axis.communication_ok and axis.sensor_valid)
-            or self.ports.missing(self._config.axis[name].drive)
+            or (self._config.axis[name].drive != "" and self.ports.missing(self._config.axis[name].drive))
             or self._programmed(axis)
             for name, axis in ((name, handle.object) for name, handle in self.axes.items())
         ) and all(

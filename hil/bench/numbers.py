@@ -28,14 +28,14 @@ def axis_numbers(config: BenchConfig, axis: AxisHandle, cycle_ns: int) -> Refere
 
     """
     drive = config.axis[axis.name].drive
-    section = config.drive[drive]
+    section = config.drive.get(drive)
     if isinstance(section, WITH_RAMPS):
         off1_s, off3_s = section.off1_ramp_s, section.off3_ramp_s
     elif isinstance(section, AnalogDriveTable):
         off1_s = off3_s = section.off3_ramp_s  # it has one ramp
     else:
         raise ConfigurationError(
-            "bench.golden", axis.name, f"an axis whose drive has ramps; {drive} has none"
+            "bench.golden", axis.name, f"an axis whose drive has ramps; {drive or 'it'} has none"
         )
 
     def read(path: str) -> float:

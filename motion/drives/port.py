@@ -10,6 +10,8 @@ from abc import abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Final
 
+from typing_extensions import override
+
 from fieldbus.profidrive.words import STW1, ZSW1
 
 if TYPE_CHECKING:
@@ -249,3 +251,28 @@ class DrivePort:
     @abstractmethod
     def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
         """Send control word 1, speed setpoint (rpm at the motor) and additive torque (Nm)."""
+
+
+class NoDrivePort(DrivePort):
+    """In place of the connection of an axis that has no drive: a virtual one."""
+
+    __slots__ = ()
+
+    delay_ns: ClassVar[int] = 0
+    """Time from a setpoint to its actual value: there is none, ns."""
+
+    @override
+    def read(self) -> None:
+        pass  # nothing arrives
+
+    @override
+    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
+        pass  # nobody is there to get it
+
+    @override
+    def set_torque_range(self, upper: float, lower: float) -> None:
+        pass
+
+    @override
+    def limit_torque(self, share: float | None) -> None:
+        pass

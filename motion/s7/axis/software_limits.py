@@ -250,10 +250,17 @@ class SoftwareLimits:
             info=2 if side > 0.0 else 1,
         )
 
+    @property
+    def _stops_as_the_job(self) -> bool:
+        """Whether an axis brakes for a limit with the dynamic values of its job (`LimitReachedBehavior`); one
+        that follows a leading value never does (LIM-078, SYN-114).
+        """
+        return self._sw_reached.value == 1 and self._motion.synchronous_job is None
+
     def _braking(self) -> tuple[float, float]:
-        """Return deceleration and jerk of the stop at a limit (`LimitReachedBehavior`)."""
+        """Return deceleration and jerk of the stop at a limit."""
         read = self._store.read
-        if self._sw_reached.value != 1:
+        if not self._stops_as_the_job:
             return read("DynamicLimits.MaxDeceleration"), read("DynamicLimits.MaxJerk")
         motion = self._motion
         job = motion.job
@@ -275,7 +282,7 @@ class SoftwareLimits:
         motion = self._motion
         deceleration, jerk = self._braking()
         stopping = self._states.state in (AxisState.HALTING, AxisState.STOPPING)
-        reaction = 1 if self._sw_reached.value == 1 else 2
+        reaction = 1 if self._stops_as_the_job else 2
         self._alarms.raise_alarm(ALARM_SOFTWARE_REACHED, reaction=reaction, info=2 if direction > 0.0 else 1)
         if self._states.state is AxisState.ALARM_RAMP and not stopping:
             gen = motion.gen

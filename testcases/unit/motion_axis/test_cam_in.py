@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from motion.kernel.cams import Point
 from motion.s7.cam_handle import CamHandle
 from motion.s7.cams import Cam
 from testcases.unit.motion_axis.override_cells import cam_of
@@ -306,3 +307,32 @@ def test_wrong_inputs(inputs, error):
     job.set(**inputs)
     rig.cycles(3)
     assert (job.ErrorID, job.Busy) == (error, not error)
+
+
+@pytest.mark.requirement("CAM-211")
+def test_cams_that_cannot_be_used():
+    """Not interpolated: alarm 612 at the axis; in use: 16#80AB; being copied or interpolated: 16#80E7, E8."""
+    rig = standing(leader_at=40.0)
+    cam = Cam("raw", kind="TO_Cam_10k", points=[Point(0.0, 0.0), Point(100.0, 50.0)], history=rig.history)
+    rig.runtime.add_cam(cam)
+    raw = CamHandle(rig.runtime, cam)
+
+    def error(job):
+        rig.cycles(2)
+        return job.ErrorID
+
+    given = {"SyncProfileReference": 2, "MasterSyncPosition": 40.0}
+    assert (error(rig.axis.cam_in(rig.leader, raw, **given)), rig.alarms_of("axis1")) == (0x8001, [612])
+    rig.until(rig.axis.reset().done)
+    copying = raw.copy([(float(x), 2.0) for x in range(2500)], [], Mode=1)
+    rig.cycles()
+    assert copying.Busy
+    assert error(raw.interpolate()) == 0x80E7
+    rig.until(copying.done)
+    interpolating = raw.interpolate()
+    rig.cycles()
+    assert error(raw.copy([(1.0, 1.0)])) == 0x80E8
+    rig.until(interpolating.done)
+    rig.until(rig.axis.power().status)
+    rig.until(rig.axis.cam_in(rig.leader, raw, **given).in_sync)
+    assert error(raw.interpolate()) == 0x80AB

@@ -151,7 +151,9 @@ def test_a_leading_axis_that_is_too_fast_is_waited_for():
     assert rig.axis.var("Velocity") == pytest.approx(400.0)
 
 
-@pytest.mark.requirement("SYN-107", "SYN-112", "SYN-409", "SYN-042", "SYN-043", "SYN-044")
+@pytest.mark.requirement(
+    "SYN-107", "SYN-112", "SYN-409", "SYN-042", "SYN-043", "SYN-044", "STP-201", "STP-211", "VAR-069"
+)
 def test_synchronous_travel_knows_no_dynamic_limits():
     """In gear the follower goes faster, accelerates and brakes harder than its limits allow; the bits of
     StatusSynchronizedMotion say so while it does, and no alarm comes.

@@ -177,6 +177,8 @@ def identifiers(cell):
         found.append(f"SYN-{row + 240}")
     if cell.letter == "A" and cell.fate == "T":
         found.append("OVR-008")
+    if cell.identifier == "OVR-025" and cell.column == "S4":
+        found += ["HOM-194", "MC-624"]
     if cell.fate == "R" and cell.column == "H6":
         found.append("OVR-084")
     elif cell.new == "MC_Home Mode 9":
@@ -309,6 +311,19 @@ def check_cell(rig, cell):
     assert position <= 500.0 * 0.004 + max(shifts, default=0.0)
 
 
+def _braking_without_control(rig):
+    rig.axis.move_velocity(200.0, PositionControlled=False)
+    rig.run(0.5)
+    return rig.axis.halt(Deceleration=50.0)
+
+
+def _velocity_gear_without_control(rig):
+    rig.leader_at(60.0)
+    job = rig.axis.gear_in_velocity(rig.leader, 3, 2)
+    rig.until(job.in_sync)
+    return job
+
+
 @pytest.mark.exhaustive
 @requirements_in(CELL_CASES)
 def test_cell(subtests):
@@ -367,6 +382,52 @@ def test_velocity_gearing_without_position_control():
             else:
                 assert job.ErrorID == (0x8071 if new in on_top else 0x8079)
                 assert gear.InSync
+
+
+UNCONTROLLED = {
+    "MC_Halt Mode 0": _braking_without_control,
+    "MC_MoveVelocity": lambda rig: rig.axis.move_velocity(100.0, PositionControlled=False),
+    "MC_MoveJog": lambda rig: rig.axis.jog(100.0, PositionControlled=False),
+    "MC_MotionInVelocity": lambda rig: rig.axis.motion_in_velocity(20.0, PositionControlled=False),
+    "MC_GearInVelocity": _velocity_gear_without_control,
+}
+"""Running jobs that may have no position control."""
+CLOSES = ("MC_GearIn", "MC_GearInPos active", "MC_CamIn active")
+"""New jobs that close position control."""
+
+
+@pytest.mark.exhaustive
+@pytest.mark.requirement("SYN-374", "SYN-380")
+def test_cell_without_position_control(subtests):
+    """Running jobs without position control end and go on as the cells say; what follows positions closes it,
+    without a step of the velocity.
+    """
+    cells_of = {(cell.new, cell.active): cell for cell in TESTABLE}
+    for label, (active, new) in each(
+        list(UNCONTROLLED), ["MC_GearIn", "MC_GearInVelocity", "MC_GearInPos active", "MC_CamIn active",
+                             "MC_GearInPos waiting", "MC_LeadingValueAdditive", "MC_Stop", "MC_MoveVelocity"]
+    ):  # fmt: skip
+        with subtests.test(label):
+            cell = cells_of[new, active]
+            rig = Rig(synchronous=True).enabled()
+            rig.axis.home(0.0)
+            rig.cycles(2)
+            old = UNCONTROLLED[active](rig)
+            rig.run(0.1)
+            assert (old.Busy, rig.axis.var("StatusWord.X28")) == (True, True)
+            since = len(rig.rows) - 1
+            job = NEW[new].make(rig)
+            rig.cycles(2)
+            refused = active == "MC_GearInVelocity" and new.startswith(("MC_GearInPos", "MC_CamIn"))
+            if refused:  # note 5
+                assert (job.ErrorID, old.Busy) == (0x8079, True)
+                continue
+            assert not job.Error
+            assert aborted(old) is (cell.letter in {"A", "A/N"})
+            if new in CLOSES:
+                assert not rig.axis.var("StatusWord.X28")
+            velocities = rig.column("velocity_setpoint")[since:]
+            assert max(abs(b - a) for a, b in pairwise(velocities)) <= 4000.0 * 0.004 + 0.5
 
 
 @pytest.mark.requirement("OVR-112", "OVR-120", "SYN-096", "SYN-302", "SYN-292", "SYN-097")

@@ -259,7 +259,7 @@ def test_when_nothing_can_be_shifted():
         rig.until(first.ended)
 
 
-@pytest.mark.requirement("SYN-029", "SYN-030", "SYN-040", "SYN-384", "SYN-033")
+@pytest.mark.requirement("SYN-029", "SYN-030", "SYN-040", "SYN-384", "SYN-033", "STP-202")
 @pytest.mark.parametrize("ratio", [1, 2])
 def test_the_chain_from_leading_to_following_value(ratio):
     """Additive 3, phase 5, offset 7, superimposed 2: only what is before the function is multiplied; the

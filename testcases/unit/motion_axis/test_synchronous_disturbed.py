@@ -190,6 +190,9 @@ LIMITED = {
 }
 
 
+BEHAVIORS = ("PositionLimits_SW.LimitReachedBehavior", "PositionLimits_SW.LimitExceededBehavior")
+
+
 class StopPort(TorquePort):
     """A drive that meets a fixed stop at an angle of its shaft, rad."""
 
@@ -241,7 +244,7 @@ def test_a_fixed_stop_aborts_everything(on_top):
     assert (limiting.InClamping, rig.leader.var("Velocity"), rig.alarms_of("axis1")) == (True, 60.0, [])
 
 
-@pytest.mark.requirement("SYN-367", "SYN-114", "SYN-115")
+@pytest.mark.requirement("SYN-367", "SYN-114", "SYN-115", "LIM-078")
 def test_limits_of_the_follower():
     """The software limit stops it with the maximum dynamics, enabled: 533; behind it 534 disables it, or is
     an emergency stop, as configured; a limit switch is 531. The gear has ended in every case, the leading
@@ -252,8 +255,15 @@ def test_limits_of_the_follower():
         "PositionLimits_SW.MaxPosition": 40.0,
         "PositionLimits_SW.MinPosition": -1e6,
     }
-    for number, behavior, enabled in ((533, 0, True), (534, 0, False), (534, 1, True), (531, 0, False)):
-        rig = in_gear(100.0, follower=LIMITED | {"PositionLimits_SW.LimitExceededBehavior": behavior})
+    for number, behavior, enabled in (
+        (533, 0, True),
+        (533, 1, True),
+        (534, 0, False),
+        (534, 1, True),
+        (531, 0, False),
+    ):
+        both = dict.fromkeys(BEHAVIORS, behavior)
+        rig = in_gear(100.0, follower=LIMITED | both)
         rig.axis.home(0.0)
         rig.cycles(2)
         rig.rows.clear()

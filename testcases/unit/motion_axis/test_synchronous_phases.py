@@ -332,7 +332,7 @@ def test_the_velocity_of_modulo_leading_axes():
         assert rig.alarms_of("axis1") == alarms
 
 
-@pytest.mark.requirement("SYN-083")
+@pytest.mark.requirement("SYN-083", "COM-027")
 def test_a_control_panel_moves_the_followers_too():
     """The leading axis in jog of the panel: the follower stays in gear."""
     rig = in_gear(0.0)
@@ -605,7 +605,7 @@ def test_reversals_in_each_phase():
     assert (rig.alarms_of("axis1"), job.ErrorID) == ([608], 0x8001)
 
 
-@pytest.mark.requirement("SYN-076")
+@pytest.mark.requirement("SYN-076", "CFG-135")
 def test_a_virtual_leading_axis():
     """It is enabled at once, homed without motion, leads several followers, and knows no limit switch."""
     rig = Rig(

@@ -82,7 +82,7 @@ def test_what_can_be_simulated():
     assert rig.simulation.InSimulation
 
 
-@pytest.mark.requirement("SYN-235", "SYN-236", "SYN-404", "SYN-442")
+@pytest.mark.requirement("SYN-235", "SYN-236", "SYN-404", "SYN-442", "MC-411")
 @pytest.mark.parametrize("what", ["move", "halt", "stop", "power", "leader", "superimposed"])
 def test_what_does_not_end_it(what):
     """Motion jobs, MC_Stop and disabling of either axis leave the synchronous job alone, which goes on."""
@@ -168,7 +168,7 @@ def test_its_end_is_a_step_of_what_lies_between(apart):
     assert places(rig)[1] - y == pytest.approx(2.0 * (places(rig)[0] - x), abs=1e-9)
 
 
-@pytest.mark.requirement("SYN-234", "SYN-238")
+@pytest.mark.requirement("SYN-234", "SYN-238", "STP-204", "MC-358")
 @pytest.mark.parametrize("when", ["before", "at the start", "during"])
 def test_what_is_superimposed_is_lost(when):
     """It moves the axis in the simulation; when that ends, the axis steps back by SuperimposedDistance."""
