@@ -388,7 +388,8 @@ class ControlSystem:
             drive = self._config.axis[name].drive
             first = own is None or (len(own) > 0 and own[0] == drive)
             constants["encoder_of_drive"] = drive != "" and first
-            constants["delay_s"] = axis.delay_s
+            # The actual values of a virtual axis are one cycle older than those of a drive (CFG-151).
+            constants["delay_s"] = axis.delay_s + (axis.servo.cycle_s if axis.servo.virtual else 0.0)
             constants["limits_at_drive"] = drive != "" and self._config.inputs_of_axis(name) is None
         constants |= numbers_of_axis(axis.variables)
         for key, value in constants.items():
