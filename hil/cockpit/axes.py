@@ -17,8 +17,10 @@ if TYPE_CHECKING:
 
 MONITORING_S: Final = 2.0
 """Bench time without a sign of life after which an axis is stopped, disabled and given back, s (COM-024)."""
-_ELSEWHERE: Final = frozenset({"axis", "wait", "help", "quit", "status", "optimise"})
-"""Commands of a terminal that the cockpit has other ways for, or that would keep it waiting."""
+_ELSEWHERE: Final = frozenset(
+    {"axis", "wait", "help", "quit", "status", "optimise", "jog", "f1", "f2", "f3", "f4"}
+)
+"""Commands that the cockpit has other ways for, as a jog is held, or that would keep it waiting."""
 _REACTIONS: Final = {
     0: "no reaction",
     1: "stop with the dynamics of the job",
@@ -288,14 +290,12 @@ class NcDesk:
         """Return what does not change."""
         view = self._axis.online.view()
         unit = view.position_unit
-        limits: dict[str, Any] = {"velocity": self._number("axis.max_velocity")}
-        if self._axis.read_parameter("axis.soft_limit_min_enable") or self._axis.read_parameter(
-            "axis.soft_limit_max_enable"
-        ):
-            limits["position"] = [
-                self._number("axis.soft_limit_min"),
-                self._number("axis.soft_limit_max"),
-            ]
+        read = self._axis.read_parameter
+        limits: dict[str, Any] = {"velocity": self._number("axis.maximum_velocity")}
+        if read("axis.soft_limit_min_enable") and read("axis.soft_limit_max_enable"):
+            limits["position"] = [self._number("axis.soft_limit_min"), self._number("axis.soft_limit_max")]
+        if read("axis.position_lag_monitoring"):
+            limits["following_error"] = self._number("axis.position_lag_max")
         return {
             "make": "nc",
             "type": "NcAxis",

@@ -104,6 +104,7 @@ def test_messages_are_checked(operator, subtests):
         ('{"kind":"time.step","cycles":1e9}', "cycles"),
         ('{"kind":"bench.open","source":"../../etc/passwd"}', "source"),
         ('{"kind":"axis.command","axis":"axis1","command":"wait","values":[3600]}', "command"),
+        ('{"kind":"axis.command","axis":"axis1","command":"jog","values":[100]}', "command"),
         ('{"kind":"axis.command","axis":"axis9","command":"stop"}', "axis"),
         ('{"kind":"axis.command","axis":"axis1","command":"rel","values":[]}', "values"),
         ('{"kind":"scope.subscribe","signals":["axis1.nothing"],"number":1}', "signals"),
@@ -171,6 +172,57 @@ def test_jog_ends_with_the_operator(cockpit, way):
         watcher.until(lambda: watcher.state["axis"]["axis1"]["master"] == "program", "given back")
         watcher.until(lambda: watcher.state["axis"]["axis1"]["alarms"][0]["number"] == 204, "alarm")
         assert not watcher.state["axis"]["axis1"]["enabled"]
+
+
+NC_BENCH = """
+[bench]
+name = "feeder"
+cycle_ms = 2
+
+[segment.can0]
+
+[drive.motor]
+segment = "can0"
+node_id = 5
+
+[axis.x]
+controller = "nc"
+drive = "motor"
+"""
+
+
+@pytest.mark.realtime
+def test_nc_axis(tmp_path):
+    """An NC axis is jogged as long as the key is held, moves to its target and is stopped; without a sign of
+    life it stops and loses its enables.
+    """
+    (tmp_path / "bench.toml").write_text(NC_BENCH)
+    with (
+        served(str(tmp_path / "bench.toml")) as cockpit,
+        cockpit.page() as watcher,
+        cockpit.page() as one,
+    ):
+        one.live()
+        one.do("control.take")
+        assert "command" in one.refused("axis.command", axis="x", command="f4", values=[3600.0])
+        axis = lambda: watcher.state["axis"]["x"]  # noqa: E731 - read anew each time
+        one.command("x", "enable")
+        watcher.until(lambda: axis()["enabled"], "enabled")
+        one.do("axis.jog", axis="x", slider=30.0)
+        watcher.until(lambda: axis()["velocity"] > 50.0, "jogs")
+        one.do("axis.jog", axis="x", slider=0.0)
+        watcher.until(lambda: abs(axis()["velocity"]) < 0.01, "let go")
+        one.command("x", "target", 500.0)
+        one.command("x", "f5")
+        watcher.until(lambda: axis()["velocity"] > 50.0, "moves")
+        watcher.do("axis.stop_all")
+        watcher.until(lambda: abs(axis()["velocity"]) < 0.01, "stopped")
+        assert axis()["position"] < 450.0
+        one.do("axis.jog", axis="x", slider=-30.0)
+        watcher.until(lambda: axis()["velocity"] < -50.0, "jogs back")
+        one.hush()
+        watcher.until(lambda: abs(axis()["velocity"]) < 0.01, "stops without a sign of life")
+        watcher.until(lambda: not axis()["enabled"], "enables are taken away")
 
 
 @pytest.mark.realtime

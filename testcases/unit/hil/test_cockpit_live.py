@@ -44,7 +44,7 @@ def test_physical_drive(drives, tmp_path):
             page.live()
             page.do("control.take")
             assert page.description["panes"]["axis"]["physical"] == ["axis1"]
-            for command in ("take", "enable", "jog"):
+            for command in ("take", "enable", "rel"):
                 assert "--allow-motion" in page.refused(
                     "axis.command", axis="axis1", command=command, values=[]
                 )
