@@ -36,7 +36,14 @@ from motion.nc.blocks import (
     MC_SetPosition,
     MC_Stop,
 )
-from motion.nc.interface import NC_TO_PLC_SIZE, PLC_TO_NC_SIZE, STATUS_BITS, PlcToNc
+from motion.nc.interface import (
+    NC_TO_PLC,
+    NC_TO_PLC_SIZE,
+    PLC_TO_NC,
+    PLC_TO_NC_SIZE,
+    STATUS_BITS,
+    PlcToNc,
+)
 from motion.nc.parameters import catalogue
 from motion.nc.symbols import symbol_prefix
 
@@ -45,68 +52,6 @@ if TYPE_CHECKING:
     from motion.nc.handles import NcAxisHandle
     from motion.nc.tasks import NcRuntime
 
-PLC_TO_NC: Final = (
-    ("ControlDWord", "DWORD", 0),
-    ("Override", "UDINT", 4),
-    ("AxisModeRequest", "UDINT", 8),
-    ("AxisModeDWord", "UDINT", 12),
-    ("AxisModeLReal", "LREAL", 16),
-    ("PositionCorrection", "LREAL", 24),
-    ("ExtSetPos", "LREAL", 32),
-    ("ExtSetVelo", "LREAL", 40),
-    ("ExtSetAcc", "LREAL", 48),
-    ("ExtSetDirection", "DINT", 56),
-    ("ExtControllerOutput", "LREAL", 64),
-    ("GearRatio1", "LREAL", 72),
-    ("GearRatio2", "LREAL", 80),
-    ("GearRatio3", "LREAL", 88),
-    ("GearRatio4", "LREAL", 96),
-    ("MapState", "BYTE", 104),
-    ("PlcCycleControl", "BYTE", 105),
-    ("PlcCycleCount", "BYTE", 106),
-    ("ExtTorque", "LREAL", 112),
-)
-"""Members of `PLCTONC_AXIS_REF` with types and offsets, byte."""
-NC_TO_PLC: Final = (
-    ("StateDWord", "DWORD", 0),
-    ("ErrorCode", "UDINT", 4),
-    ("AxisState", "UDINT", 8),
-    ("AxisModeConfirmation", "UDINT", 12),
-    ("HomingState", "UDINT", 16),
-    ("CoupleState", "UDINT", 20),
-    ("SvbEntries", "UDINT", 24),
-    ("SafEntries", "UDINT", 28),
-    ("AxisId", "UDINT", 32),
-    ("OpModeDWord", "DWORD", 36),
-    ("ActPos", "LREAL", 40),
-    ("ModuloActPos", "LREAL", 48),
-    ("ActiveControlLoopIndex", "UINT", 56),
-    ("ControlLoopIndex", "UINT", 58),
-    ("ModuloActTurns", "DINT", 60),
-    ("ActVelo", "LREAL", 64),
-    ("PosDiff", "LREAL", 72),
-    ("SetPos", "LREAL", 80),
-    ("SetVelo", "LREAL", 88),
-    ("SetAcc", "LREAL", 96),
-    ("TargetPos", "LREAL", 104),
-    ("ModuloSetPos", "LREAL", 112),
-    ("ModuloSetTurns", "DINT", 120),
-    ("CmdNo", "UINT", 124),
-    ("CmdState", "UINT", 126),
-    ("SetJerk", "LREAL", 128),
-    ("SetTorque", "LREAL", 136),
-    ("ActTorque", "LREAL", 144),
-    ("StateDWord2", "DWORD", 152),
-    ("StateDWord3", "DWORD", 156),
-    ("TouchProbeState", "UDINT", 160),
-    ("TouchProbeCounter", "UDINT", 164),
-    ("ActTorqueDerivative", "LREAL", 192),
-    ("SetTorqueDerivative", "LREAL", 200),
-    ("ActPosWithoutPosCorrection", "LREAL", 224),
-    ("ActAcc", "LREAL", 232),
-    ("DcTimeStamp", "UDINT", 240),
-)
-"""Members of `NCTOPLC_AXIS_REF` with types and offsets, byte."""
 BLOCKS: Final[Mapping[str, type[Block]]] = {
     "Power": MC_Power,
     "Reset": MC_Reset,
@@ -178,7 +123,7 @@ def _images(memory: Memory, name: str, axis: NcAxisHandle) -> None:
     def write(image: bytes) -> int:
         given = PlcToNc()
         given.unpack(image)
-        if not all(map(math.isfinite, vars(given).values())):
+        if not all(math.isfinite(getattr(given, name)) for name, _, _ in PLC_TO_NC):
             return AdsError.INVALID_DATA
         ref.PlcToNc.unpack(image)
         return 0
@@ -209,7 +154,7 @@ def _block(memory: Memory, name: str, block: Any) -> None:
             memory, f"{name}.{key}", type_name, _getter(block, key), _setter(block, key), comment="input"
         )
     for key in _OUTPUTS:
-        if key in vars(block):
+        if hasattr(block, key):
             variable(memory, f"{name}.{key}", "UDINT" if key == "ErrorID" else "BOOL", _getter(block, key))
 
 

@@ -67,6 +67,7 @@ if TYPE_CHECKING:
 _ENABLE: Final = 0x1
 _FEED_PLUS: Final = 0x2
 _FEED_MINUS: Final = 0x4
+_FEEDS: Final = _FEED_PLUS | _FEED_MINUS
 _SLACK: Final = 1e-9
 _RESET_S: Final = 0.2
 """Time that a drive has to clear its fault after a reset, s."""
@@ -691,7 +692,7 @@ class NcAxis:
         motion = self.motion
         if self._enabled and not enable:
             moves = motion.active is not None or self._group is not None
-            if moves and not self.error:
+            if (moves or self.superposed.command is not None) and not self.error:
                 self.raise_error(NO_CONTROLLER_ENABLE)
         self._enabled = enable
         closed = enable and device.operating and self.error_id == NO_ERROR
@@ -721,6 +722,7 @@ class NcAxis:
                     self._control()
         else:
             self.external.cancel()
+            self.superposed.abort(CommandState.ABORTED, NO_ERROR)
             self.raw_output = None
             if self.discrete is not None:
                 self.discrete.abort()
@@ -860,6 +862,8 @@ class NcAxis:
             self._emit("axis.fast_stop")
             if self._let_go():
                 motion.stop(self.fast_stop.deceleration, self.fast_stop.jerk)
+            return
+        if self.plc_to_nc.ControlDWord & _FEEDS == _FEEDS:
             return
         missing = self._feed_missing(velocity)
         if not missing:

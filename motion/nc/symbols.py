@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from motion.nc.interface import NcToPlc
+from motion.nc.interface import NC_TO_PLC
 from motion.nc.parameters import catalogue
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _AXES: Final[Mapping[str, str]] = {"en": "Axes", "de": "Achsen"}
 """Generic part of the names by language of the tool."""
-STATES: Final = tuple(vars(NcToPlc()))
+STATES: Final = (*(name for name, _, _ in NC_TO_PLC), "CamCouplingState", "CamCouplingTableID")
 """States of an axis that have symbols: members of `NcToPlc`."""
 
 

@@ -203,7 +203,7 @@ def direct_case(ctx: CaseContext, relative: bool) -> None:
     enable(ctx)
     bring_into(ctx, "constant", velocity=100.0)
     before = ctx.now_s
-    position = axis.position
+    position, lag = axis.position, axis.object.following_error
     if relative:
         ctx.do("MC_SetPosition Mode = TRUE, Position 500 mm")
         block: Any = axis.set_position(500.0, relative=True)
@@ -221,7 +221,7 @@ def direct_case(ctx: CaseContext, relative: bool) -> None:
         stays_within(f"{name}.set_velocity", low=100.0 - 1e-6, high=100.0 + 1e-6, since=before).covers(
             "NC-242"
         ),
-        stays_within(f"{name}.following_error", low=-1.0, high=1.0, since=before).covers("NC-242"),
+        stays_within(f"{name}.following_error", low=lag - 0.1, high=lag + 0.1, since=before).covers("NC-242"),
     )
 
 

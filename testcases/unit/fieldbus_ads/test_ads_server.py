@@ -9,9 +9,9 @@ from fieldbus.ads import AdsServer, AdsState, Area, Frame, FrameReader, Memory, 
 from fieldbus.ads.server import MOST_CONNECTIONS
 from fieldbus.clock import RealtimeScheduler
 from fieldbus.modbus.sockets import SocketNetwork
-from hil.bench.ads_face import NC_TO_PLC, PLC_TO_NC, ads_ports
+from hil.bench.ads_face import ads_ports
 from hil.campaign import load_bench_file
-from motion.nc.interface import NcToPlc, PlcToNc
+from motion.nc.interface import NC_TO_PLC, PLC_TO_NC, NcToPlc, PlcToNc
 
 OWN, PEER = net_id("5.1.2.3.1.1"), net_id("10.0.0.1.1.1")
 

@@ -5,6 +5,7 @@ import pytest
 from fieldbus.errors import ConfigurationError, UnknownNameError
 from motion.nc.blocks import JogMode
 from motion.nc.commands import BufferMode
+from motion.nc.interface import FULL_OVERRIDE
 from testcases.unit.motion_nc.nc_rig import Rig, T
 
 pytestmark = pytest.mark.exhaustive
@@ -247,7 +248,11 @@ def test_override_change():
         assert jerk <= 5000.0 + 1e-3
         assert rig.axis.nc_to_plc.AxisState == (2 if velocity == 0.0 else 3)
         assert not move.ended()
-    rig.handle.power(override=100.0)
+    # A program that writes more into the interface than 100 % gets no more.
+    rig.runtime.call(lambda: setattr(rig.ref.PlcToNc, "Override", 2 * FULL_OVERRIDE))
+    rig.cycles(480)
+    assert rig.generator.v == pytest.approx(400.0)
+    assert rig.axis.trace_row()[-1] == 1.0
     rig.until(move.done)
     assert rig.generator.s == 1900.0
 

@@ -1,5 +1,7 @@
 """Linear coupling of NC axes, propagation of errors, coupling to actual values."""
 
+from itertools import pairwise
+
 import pytest
 
 from testcases.unit.motion_nc.nc_rig import Rig, T
@@ -78,8 +80,13 @@ def test_commands_to_a_slave():
     """
     pair = Pair(1.0)
     pair.master.until(pair.master.handle.move_velocity(50.0).in_velocity)
-    stop = pair.slave.handle.stop()
-    pair.master.until(stop.done)
+    stop = pair.slave.handle.stop(Deceleration=500.0, Jerk=50_000.0)
+    velocities = [pair.slave.generator.v]
+    while not stop.done():
+        pair.cycles(1)
+        velocities.append(pair.slave.generator.v)
+    assert velocities[0] == 50.0
+    assert max(a - b for a, b in pairwise(velocities)) <= 500.0 * T + 1e-9  # its own ramp
     assert pair.slave.generator.v == 0.0
     assert pair.master.generator.v == 50.0
     assert pair.slave.ref.NcToPlc.CoupleState == 0

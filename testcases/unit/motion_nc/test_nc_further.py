@@ -558,6 +558,10 @@ def test_image_of_the_saf_task():
         for way in ("inputs", "outputs")
     }
     assert all(len(one) == 40 for one in image.values())
-    assert image["x.encoder.inputs"] == ProcessImage(rig.axis).pack_encoder_inputs()
+    own = ProcessImage(rig.axis)
+    assert image["x.encoder.inputs"] == own.pack_encoder_inputs()
+    assert image["x.encoder.outputs"] == own.pack_encoder_outputs()
+    assert image["x.drive.inputs"] == own.pack_drive_inputs() != own.pack_drive_outputs()
+    assert image["x.drive.outputs"] == own.pack_drive_outputs()
     rig.cycles()
     assert rig.runtime.image()["x.encoder.inputs"] != image["x.encoder.inputs"]
