@@ -201,7 +201,7 @@ def gear_out(ctx: CaseContext) -> None:
 @TURNING.case(
     "gear-out/behind",
     title="MC_GearOut to a place that the axis has just passed",
-    requirements=("SYN-202", "SYN-206"),
+    requirements=("SYN-206",),
 )
 def gear_out_behind(ctx: CaseContext) -> None:
     """A modulo axis goes on in its direction to the stop position of the next turn; it does not come back."""
@@ -218,7 +218,7 @@ def gear_out_behind(ctx: CaseContext) -> None:
             lambda velocity: velocity >= -1e-6,
             f"{FOLLOWER}.velocity_setpoint",
             since=since,
-        ).covers("SYN-202"),
+        ),
     )
     ctx.measure(
         "stop position",
