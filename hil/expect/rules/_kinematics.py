@@ -230,6 +230,47 @@ FOLLOWING_ERROR: Final = Rule(
 )
 
 
+def _setpoint_at_enabling(axis: AxisView) -> Judged | None:
+    columns = ("position_setpoint", "actual_position", "actual_velocity")
+    delay_s = axis.number("delay_s")
+    if not axis.has_position or delay_s is None or not axis.has(*columns):
+        return None
+    s, actual, v = (axis[column] for column in columns)
+    # By the events: an alarm may end the state within its first cycle, so that no sample has it.
+    starts = axis.whole.events.of(axis.name, "axis.state")
+    began = axis.near(
+        [
+            entry
+            for entry in starts
+            if entry.data.get("from") == "ENABLING" and entry.data.get("to") in ("STANDSTILL", "ENABLE_RAMP")
+        ],
+        0,
+        0,
+    )
+    began &= ~axis.gaps
+    # In its first cycle the setpoint goes on by one step already.
+    ahead = np.abs(v) * (delay_s + 2 * axis.ratio * axis.cycle_s)
+    off = np.abs(s - actual)
+    unit = axis.unit("position_setpoint")
+    return Judged(
+        axis.time_s,
+        began,
+        began & (off > ahead + _ROUNDING * (1.0 + np.abs(s))),
+        lambda at: f"the setpoint is {s[at]:.6g} {unit}, the axis at {actual[at]:.6g} {unit}",
+    )
+
+
+SETPOINT_AT_ENABLING: Final = Rule(
+    name="setpoint at enabling",
+    says="an axis that has been enabled holds its actual position",
+    requirements=("STP-047", "STP-054"),
+    tolerance="the way that it moves during the transport delay and two cycles of the interpolator",
+    judge=_setpoint_at_enabling,
+    excused_by=("encoder.", "telegram.", "controller."),
+    recovery_cycles=3,
+)
+
+
 def _increment(axis: AxisView) -> float | None:
     """Return the way of a raw increment by the numbers of the bench, signed; None where the encoder is not
     that of the motor.
@@ -326,4 +367,5 @@ AXIS_RULES: Final[tuple[Rule[AxisView], ...]] = (
     ACTUAL_VELOCITY,
     FOLLOWING_ERROR,
     OWN_ENCODER,
+    SETPOINT_AT_ENABLING,
 )

@@ -130,6 +130,7 @@ EDITS: Final[Mapping[str, _Edit]] = {
     "actual velocity": _Edit("axis1.actual_velocity", _times(-1.0)),
     "following error": _Edit("axis1.following_error", _times(-1.0)),
     "actual position": _Edit("axis1.actual_position", _times(1.001)),
+    "setpoint at enabling": _Edit("axis1.position_setpoint", lambda values: values + 1.0),
     "acceleration of jobs": _Edit("axis1.acceleration_setpoint", _times(1.1)),
     "ramps of jobs": _Edit("axis1.acceleration_setpoint", _times(0.9)),
     "jerk of jobs": _Edit("axis1.acceleration_setpoint", _times(1.3)),
