@@ -581,6 +581,17 @@ def cockpit(
     show: Annotated[
         bool, typer.Option("--open", help="Open the page in the browser of this machine.")
     ] = False,
+    replay: Annotated[
+        str,
+        typer.Option(
+            "--replay",
+            metavar="TOKEN",
+            help="Token of a case: the bench stands in the middle of it at first.",
+        ),
+    ] = "",
+    at: Annotated[
+        float | None, typer.Option("--at", min=0.0, help="Bench time within the case, s; default: its end.")
+    ] = None,
     seed: SeedOption = 0,
 ) -> None:
     """Serve a bench to the browser: commission, drive, watch and measure it there."""
@@ -595,6 +606,8 @@ def cockpit(
             allow_motion=allow_motion,
             show=show,
             seed=seed,
+            replay=replay,
+            at_s=at,
         )
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Generator
-from contextlib import redirect_stdout
+from contextlib import ExitStack, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -51,6 +51,25 @@ def at_moment(text: str, use: Use[T], *, at_s: float | None = None, reference: s
     token = Token.decode(text)
     if token.test_file:
         return _of_test(token, use, at_s, reference)
+    bench, what = bench_at_moment(token, at_s=at_s, reference=reference)
+    with bench:
+        return use(bench, what)
+
+
+def bench_at_moment(token: Token, *, at_s: float | None = None, reference: str = "") -> tuple[Bench, str]:
+    """Repeat a case or a fuzz program, and return its bench as it is at an instant, with what it is.
+
+    Args:
+        token: Of a case or a program.
+        at_s: Bench time within the case, s; None for its end.
+        reference: Bench in place of that of the token; empty: that of the token.
+
+    Raises:
+        TokenError: It is the token of a test of pytest, the case is gone, or it is over before the instant.
+
+    """
+    if token.test_file:
+        raise TokenError(f"{token.case} is a test of pytest, which closes its bench by itself")
     bench_file = load_bench_file(reference or token.bench or None)
     call: Callable[[CaseContext], object]
     if token.program is not None:
@@ -67,7 +86,8 @@ def at_moment(text: str, use: Use[T], *, at_s: float | None = None, reference: s
             raise TokenError(f"{token.campaign} has no case {token.case!r} any more")
         case = campaign[token.case]
         name, call = case.identifier, case.call
-    with bench_file.build(seed=token.seed) as bench:
+    with ExitStack() as stack:
+        bench = stack.enter_context(bench_file.build(seed=token.seed))
         if at_s is not None:
             if at_s * 1e9 <= bench.scheduler.now:
                 raise TokenError(f"--at {at_s:g}: the bench is ready only after {bench.now_s:.3f} s")
@@ -81,7 +101,8 @@ def at_moment(text: str, use: Use[T], *, at_s: float | None = None, reference: s
             ending = f"stopped with: {error}"
         if at_s is not None and ending:
             raise TokenError(f"--at {at_s:g}: the case {ending} at {bench.now_s:.3f} s already")
-        return use(bench, f"{name} on {bench_file.name} at {bench.now_s:.3f} s")
+        stack.pop_all()  # the caller closes it
+    return bench, f"{name} on {bench_file.name} at {bench.now_s:.3f} s"
 
 
 def _of_test(token: Token, use: Use[T], at_s: float | None, reference: str) -> T:

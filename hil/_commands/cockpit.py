@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Final
 
 from fieldbus.errors import ConfigurationError
+from hil._commands._moment import bench_at_moment
 from hil._commands.terminal import console
 from hil._interrupt import note
 from hil.bench import BenchFile
-from hil.campaign import load_bench_file
+from hil.campaign import Token, load_bench_file
 from hil.errors import CannotRunError
 
 _NEEDED: Final = ("starlette", "uvicorn", "websockets")
@@ -33,6 +34,8 @@ def run_cockpit(
     allow_motion: bool,
     show: bool,
     seed: int = 0,
+    replay: str = "",
+    at_s: float | None = None,
 ) -> int:
     """Serve the cockpit until it is interrupted; returns the exit code.
 
@@ -44,8 +47,11 @@ def run_cockpit(
         allow_motion: Whether axes with a physical drive may be moved.
         show: Whether the browser of this machine opens the page.
         seed: Seed of the bench.
+        replay: Token of a case that the first bench is in the middle of; empty: none.
+        at_s: Bench time within the case, s; None for its end.
 
     Raises:
+        TokenError: The token is that of a test, or damaged.
         CannotRunError: The extra `cockpit` is not installed, or the port is taken.
         ConfigurationError: A host is given without a token file, or the file cannot be used.
 
@@ -58,7 +64,8 @@ def run_cockpit(
     if host and not _is_loopback(host) and token_file is None:
         raise ConfigurationError("--host", host, "a loopback address, or any together with --token-file")
     token = secrets.token_urlsafe(24) if token_file is None else _token(token_file)
-    bench_file = load_bench_file(bench or None)
+    of_case = Token.decode(replay) if replay else None
+    bench_file = load_bench_file(bench or (of_case.bench if of_case else "") or None)
     if not isinstance(bench_file, BenchFile):
         raise ConfigurationError("bench", bench, "a bench file or an embedded name")
     with closing(listen(address, port)) as listening:
@@ -73,6 +80,9 @@ def run_cockpit(
             folder=Path.cwd(),
             allow_motion=allow_motion,
             seed=seed,
+            first=None
+            if of_case is None
+            else lambda: bench_at_moment(of_case, at_s=at_s, reference=bench)[0],
         )
         shown = f"http://{name}:{port}/#token={token}" if token_file is None else f"http://{name}:{port}/"
         console().print(f"cockpit of {bench_file.name}: {shown}", markup=False, soft_wrap=True)

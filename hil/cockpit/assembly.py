@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from starlette.types import ASGIApp
 
     from hil.bench import BenchFile
+    from hil.bench.bench import Bench
 
 
 def cockpit(
@@ -35,6 +36,7 @@ def cockpit(
     allow_motion: bool = False,
     seed: int = 0,
     rate: Callable[[], RateLimit] = RateLimit,
+    first: Callable[[], Bench] | None = None,
 ) -> ASGIApp:
     """Return a cockpit as an ASGI application.
 
@@ -47,10 +49,11 @@ def cockpit(
         allow_motion: Whether axes with a physical drive may be moved.
         seed: Seed of every bench.
         rate: Makes the count of the messages of one page.
+        first: Brings up the first bench, in the middle of a case; None: it is built of the bench file.
 
     """
     control = Control()
-    machine = Machine(bench_file, control, seed=seed)
+    machine = Machine(bench_file, control, seed=seed, first=first)
     session = SessionPane(machine, folder)
     machine.use(
         [

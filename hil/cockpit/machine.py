@@ -39,10 +39,18 @@ class Machine:
         bench_file: The bench that comes first.
         control: Who operates.
         seed: Seed of every bench.
+        first: Brings up the first bench, in the middle of a case; None: it is built of the bench file.
 
     """
 
-    def __init__(self, bench_file: BenchFile, control: Control, *, seed: int = 0) -> None:
+    def __init__(
+        self,
+        bench_file: BenchFile,
+        control: Control,
+        *,
+        seed: int = 0,
+        first: Callable[[], Bench] | None = None,
+    ) -> None:
         self.bench_file = bench_file
         """What the present bench is built of."""
         self.bench: Bench | None = None
@@ -51,7 +59,10 @@ class Machine:
         """Why no bench is up, in words."""
         self.carried_out: list[Carried] = []
         """Told of every message that has been carried out, in the thread of the bench."""
+        self.replays = False
+        """Whether the present bench was brought up in the middle of a case."""
         self._seed = seed
+        self._first = first
         self._control = control
         self._panes: Sequence[Pane] = ()
         self._handlers: dict[type[Message], Handler] = {}
@@ -144,8 +155,12 @@ class Machine:
             pane.given_up()
         self._control.release(client)
 
-    def open(self, bench_file: BenchFile) -> None:
+    def open(self, bench_file: BenchFile, build: Callable[[], Bench] | None = None) -> None:
         """Close the present bench and bring up another one.
+
+        Args:
+            bench_file: What it is built of.
+            build: Brings it up in the middle of a case; None: it is fresh.
 
         Raises:
             HilError: It does not come up; the message says why.
@@ -155,8 +170,11 @@ class Machine:
         self.bench_file = bench_file
         self.failure = ""
         try:
-            bench = self.bench = bench_file.build(seed=self._seed)
+            bench = self.bench = bench_file.build(seed=self._seed) if build is None else build()
+            self.replays = build is not None
             self.pace = Pace(bench)
+            if self.replays:
+                self.pace.pause()  # it is there to be looked at
             for pane in self._panes:
                 pane.begin(bench)
         except Exception as error:
@@ -180,7 +198,7 @@ class Machine:
 
     def _run(self) -> None:
         with suppress(Exception):  # its message is kept in `failure`, and every page shows it
-            self.open(self.bench_file)
+            self.open(self.bench_file, self._first)
         try:
             while not self._ending:
                 try:

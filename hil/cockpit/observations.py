@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from hil import expect
 from hil.cockpit.code_text import Call, Code, event_call
-from hil.cockpit.rehearsal import Look, Moment
+from hil.cockpit.rehearsal import Look, Moment, Outputs
 from hil.cockpit.steps import Command, Inject, Step
 from hil.expect import Expectation, evaluate, measure_stop
 from reports.model import Verdict
@@ -65,10 +65,10 @@ class JobEnd:
     """`Error` or `CommandAborted`."""
     error_id: int
 
-    def holds(self, made: Sequence[Any]) -> bool:
+    def holds(self, made: Sequence[Outputs]) -> bool:
         """Return whether another run ended it the same way."""
-        job = made[self.number] if self.number < len(made) else None
-        return bool(getattr(job, self.output, False)) and getattr(job, "ErrorID", 0) == self.error_id
+        job = made[self.number] if self.number < len(made) else Outputs()
+        return (job.error if self.output == "Error" else job.aborted) and job.error_id == self.error_id
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ class Chooser:
 
     def _begin(self, look: Look, moment: Moment) -> float:
         """Return when the first job of a look began, or the time of the last event before it."""
-        names = {getattr(moment.made[number], "name", "") for number in look.steps}
+        names = {moment.made[number].name for number in look.steps}
         times = [
             entry.time_ns
             for entry in moment.trace.select(kind="job.started")
@@ -278,7 +278,7 @@ class Chooser:
                 continue
             step = self._steps[mine[-1]]
             assert isinstance(step, Command)  # chosen above
-            if step.name not in _PLACES or not getattr(moment.made[mine[-1]], "Done", False):
+            if step.name not in _PLACES or not moment.made[mine[-1]].done:
                 continue
             place = trace[name].at(trace.end_s)
             target = _readable(place, 6)
@@ -311,9 +311,8 @@ class Chooser:
             job = moment.made[number]
             if number in self._told or not isinstance(step, Command) or step.name.startswith("power"):
                 continue
-            for output in ("Error", "CommandAborted"):
-                if getattr(job, output, False) is True:
-                    yield JobEnd(number, output, int(getattr(job, "ErrorID", 0)))
+            if job.error or job.aborted:
+                yield JobEnd(number, "Error" if job.error else "CommandAborted", job.error_id)
 
 
 def event_call_plus(reference: Call, seconds: float) -> Call:

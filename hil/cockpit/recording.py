@@ -51,6 +51,8 @@ class AxisRecorder:
         """Axis -> number of the step that started to jog."""
         self._slider: dict[str, float] = {}
         """Axis -> slider with which its job began, %."""
+        self._overridden: set[str] = set()
+        """Axes whose slider was moved after that."""
 
     def command(self, axis: str, name: str, values: Sequence[float | str], time_ns: int) -> None:
         """Record a command that has been carried out."""
@@ -68,8 +70,9 @@ class AxisRecorder:
         elif name in _PANEL:
             numbers = [float(one) for one in values if isinstance(one, int | float)]
             slider = numbers[1] if len(numbers) > 1 else _FULL
-            self._slider[axis] = abs(slider)
             value = numbers[0] if numbers else 0.0
+            if name in {"rel", "abs", "home"}:
+                self._begin(axis, slider, time_ns)
             steps = panel_steps(panel, _PANEL[name], value, slider)
             moves = name in {"rel", "abs", "home", "set", "adjust-encoder"}
             self._note(steps, panel.job if moves else None, time_ns)
@@ -86,7 +89,7 @@ class AxisRecorder:
         elif axis in self._jogging:
             self._override(axis, slider, time_ns)
         else:
-            self._slider[axis] = abs(slider)
+            self._begin(axis, slider, time_ns)
             steps = panel_steps(panel, "jog", slider=slider)
             self._jogging[axis] = self._note(steps, panel.job, time_ns)
 
@@ -97,7 +100,7 @@ class AxisRecorder:
             if panel is None:
                 continue
             self._end_jogging(axis, time_ns)
-            if abs(self._bench.axis(axis).variables.read("Velocity")) > 0.0:
+            if self._bench.axis(axis).var("Velocity") != 0.0:
                 self._note(panel_steps(panel, "stop"), None, time_ns)
 
     def released(self, time_ns: int) -> None:
@@ -135,8 +138,16 @@ class AxisRecorder:
         self._note([SetInputs(number, {"JogForward": False, "JogBackward": False})], None, time_ns)
         return True
 
+    def _begin(self, axis: str, slider: float, time_ns: int) -> None:
+        """Note the slider of a job that begins; the override is full again."""
+        self._slider[axis] = abs(slider)
+        if axis in self._overridden:
+            self._overridden.discard(axis)
+            self._note([WriteVariable(axis, "Override.Velocity", _FULL)], None, time_ns)
+
     def _override(self, axis: str, slider: float, time_ns: int) -> None:
         share = _FULL * abs(slider) / (self._slider.get(axis) or _FULL)
+        self._overridden.add(axis)
         self._note([WriteVariable(axis, "Override.Velocity", share)], None, time_ns)
 
     def _following(self, axis: str, name: str, values: Sequence[float | str]) -> list[Step]:

@@ -82,11 +82,35 @@ Action = Do | Until | Pause | Look
 
 
 @dataclass(frozen=True)
+class Outputs:
+    """Outputs of the instance that a step has made; all false where it has made none."""
+
+    name: str = ""
+    done: bool = False
+    error: bool = False
+    aborted: bool = False
+    error_id: int = 0
+
+    @classmethod
+    def of(cls, made: Any) -> Outputs:
+        """Return the outputs of an instance as they are now."""
+        if not hasattr(made, "ErrorID"):
+            return cls()
+        return cls(
+            made.name,
+            bool(getattr(made, "Done", False)),
+            bool(made.Error),
+            bool(getattr(made, "CommandAborted", False)),
+            int(made.ErrorID),
+        )
+
+
+@dataclass(frozen=True)
 class Moment:
-    """The bench at a look: the recording so far, and what the steps have made."""
+    """The bench at a look: the recording so far, and the outputs of what the steps have made."""
 
     trace: Trace
-    made: tuple[Any, ...]
+    made: tuple[Outputs, ...]
 
 
 class Script:
@@ -178,9 +202,10 @@ class Script:
         active = active[active < end_ns]
         last_ns = int(active[-1]) if len(active) else begin_ns
         quiet_ns = round(QUIET_S * S)
+        aftermath_ns = round(_AFTERMATH_S * S)
+        if waited and last_ns - begin_ns <= aftermath_ns < end_ns - last_ns:
+            return 0
         if end_ns - last_ns > quiet_ns:
-            if waited and last_ns - begin_ns <= round(_AFTERMATH_S * S):
-                return 0
             end_ns = last_ns + quiet_ns
             return math.ceil((end_ns - begin_ns) / (100 * MS)) * 100 * MS
         return round((end_ns - begin_ns) / MS) * MS
@@ -205,7 +230,7 @@ class Script:
                 case Pause():
                     bench.run_for(action.seconds)
                 case Look():
-                    moments.append(Moment(bench.trace(), tuple(performer.made)))
+                    moments.append(Moment(bench.trace(), tuple(map(Outputs.of, performer.made))))
         return moments
 
     def recorded(self, steps: Sequence[TimedStep], made: Sequence[Any], end_ns: int) -> list[Moment]:
@@ -215,7 +240,7 @@ class Script:
             if isinstance(action, Look):
                 last = action.steps[-1]
                 until_ns = end_ns if last + 1 == len(steps) else steps[last + 1].time_ns
-                moments.append(Moment(self._trace.window(0.0, until_ns / S), tuple(made)))
+                moments.append(Moment(self._trace.window(0.0, until_ns / S), tuple(map(Outputs.of, made))))
         return moments
 
 

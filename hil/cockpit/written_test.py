@@ -25,7 +25,7 @@ from hil.cockpit.steps import (
     WriteVariable,
 )
 from hil.errors import CannotRunError
-from hil.expect import run_checkers
+from hil.expect import describe, run_checkers
 from hil.faults import Immediately, fault_type
 from reports.model import Verdict
 
@@ -122,11 +122,10 @@ def write_test(session: Recorded, *, name: str = "session", bench: str = "", tit
         look.steps: chooser.judge(look, [moments[number] for moments in runs])
         for number, look in enumerate(looks)
     }
-    rules = bool(runs[0]) and all(
-        check.verdict is Verdict.PASSED for moments in runs for check in run_checkers(moments[-1].trace)
-    )
-    if not rules:
-        notes.append("a rule that holds in every run is broken here: the test does not check the rules")
+    broken = list(dict.fromkeys(one for moments in runs if moments for one in _broken(moments[-1].trace)))
+    rules = bool(runs[0]) and not broken
+    if broken:
+        notes.append(f"the test does not check the rules of every run, because one is broken: {broken[0]}")
     writer = _Writer(session, script.actions, judged, axes)
     text = writer.module(
         function_name(name),
@@ -145,6 +144,11 @@ def _rehearse(script: Script, bench_file: BenchFile, seed: int) -> list[Moment]:
             return script.play(bench)
         except ExpectationFailedError as error:
             raise CannotRunError(f"the session cannot be repeated on a fresh bench: {error}") from error
+
+
+def _broken(trace: Trace) -> list[str]:
+    """Return the rules of every run that a recording breaks, in words."""
+    return [describe(check) for check in run_checkers(trace) if check.verdict is not Verdict.PASSED]
 
 
 def _differences(before: Sequence[Moment], again: Sequence[Moment]) -> str:

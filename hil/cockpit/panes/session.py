@@ -127,6 +127,11 @@ class SessionPane(Pane):
                 pass
 
     def _hold(self, _: HoldSession, __: Client) -> int:
+        if self._machine.replays:
+            raise MessageError(
+                "this bench began in the middle of a case, so that its session cannot be done again from the "
+                "start; Reset bench begins one that can"
+            )
         self._held = self.the_session().recorded(self._machine.bench_file)
         return len(self._held.steps)
 

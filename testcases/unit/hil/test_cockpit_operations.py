@@ -2,9 +2,11 @@
 
 import pytest
 
-from hil.campaign import load_bench_file
+from hil._commands._moment import bench_at_moment
+from hil.campaign import Token, load_bench_file
 from hil.cockpit.bus_view import BusView
 from hil.cockpit.fault_catalogue import describe
+from hil.errors import TokenError
 from testcases.cockpit_rig import served
 from testcases.unit.hil.test_cockpit_written_test import call
 
@@ -76,6 +78,43 @@ def test_a_session_is_recorded_and_becomes_a_test(operator):
     assert "is no case of a matrix" in operator.refused("session.write", form="matrix", name="trip")
 
 
+def test_jogging_the_slider_and_stops_become_a_test(operator):
+    """A jog ends when its key is let go, a slider that is moved is the override until the next job, and
+    STOP is a halt with the greatest deceleration: the test does the same, and is green.
+    """
+    operator.do("bench.reset")
+    operator.do("time.run", speed=5.0)
+    axis = lambda: operator.state["axis"]["axis1"]  # noqa: E731 - the state changes
+    operator.until(lambda: operator.state["time_s"] < 1.0 and axis()["master"] == "program", "reset")
+    operator.command("axis1", "take")
+    operator.command("axis1", "enable")
+    operator.until(lambda: axis()["enabled"], "enabled")
+    operator.command("axis1", "set", 0.0)
+    operator.until(lambda: axis()["homed"], "homed")
+    operator.do("axis.jog", axis="axis1", slider=50.0)
+    operator.until(lambda: axis()["velocity"] > 20.0, "jogs")
+    operator.do("axis.jog", axis="axis1", slider=0.0)
+    operator.until(lambda: axis()["velocity"] == 0.0, "let go")
+    operator.command("axis1", "rel", 400.0)
+    operator.until(lambda: axis()["velocity"] > 40.0, "moves")
+    operator.command("axis1", "slide", 50.0)
+    operator.do("axis.stop_all")
+    operator.until(lambda: axis()["velocity"] == 0.0, "stopped")
+    operator.command("axis1", "abs", 5.0)
+    operator.until(lambda: abs(axis()["position"] - 5.0) < 0.01 and axis()["velocity"] == 0.0, "there")
+    operator.do("session.hold")
+    text = operator.do("session.write", form="pytest", name="by hand")["text"]
+    call(text)
+    for line in (
+        "    jogging.set(JogForward=False, JogBackward=False)",
+        '    axis.write("Override.Velocity", 50.0)',
+        "    halting = axis.halt(Deceleration=2000.0, Jerk=20000.0)",
+        '    axis.write("Override.Velocity", 100.0)',
+        '    trace.check(value_at("axis1.actual_position", bench.now_s, 5.0, tolerance=0.01))',
+    ):
+        assert f"\n{line}\n" in text
+
+
 def test_frames_objects_and_what_is_refused(operator):
     """Frames are filtered and shown bit by bit; an object is read and written by SDO, and what its EDS does
     not allow is refused before it is sent.
@@ -137,3 +176,23 @@ def test_words_of_a_telegram_have_their_bits():
         fields = {one["name"]: one for one in view.details("can0", row["number"])["fields"]}
     assert fields["ZSW1"]["names"]["3"] == "fault"
     assert len(fields["ZSW1"]["set"]) == int(fields["ZSW1"]["hex"][:-1], 16).bit_count()
+
+
+def test_a_case_is_opened_at_its_time():
+    """The bench of a token stands at the instant, in the middle of the motion, and goes on from there; its
+    session becomes a test only after a reset.
+    """
+    token = Token("stop-modes/power-0/constant", seed=1, campaign="testcases.campaigns.stop_modes:CAMPAIGN")
+    with served(first=lambda: bench_at_moment(token, at_s=0.4)[0]) as cockpit, cockpit.page() as one:
+        one.live()
+        one.do("control.take")
+        one.until(lambda: one.state["time_s"] == 0.4, "it stands there")
+        assert one.state["axis"]["axis1"]["state"] == "motion"
+        assert one.do("bus.frames", segment="can0")["next"] > 300
+        assert "in the middle of a case" in one.refused("session.hold")
+        one.do("time.run", speed="max")
+        one.until(lambda: one.state["time_s"] > 1.0, "time goes on")
+        one.do("bench.reset")
+        assert one.do("session.hold") == 0
+    with pytest.raises(TokenError, match="closes its bench by itself"):
+        bench_at_moment(Token("test_a.py::test_b", seed=1, campaign="pytest:test_a.py"))
