@@ -60,7 +60,7 @@ def cockpit(
             TimePane(machine, control),
             BenchPane(machine, folder),
             AxisPane(control, folder, allow_motion=allow_motion),
-            ScopePane(),
+            ScopePane(folder),
             session,
             FaultPane(session.the_session),
             BusPane(session.the_session, allow_motion=allow_motion),

@@ -1,42 +1,13 @@
 // Channels that are calculated of others, over what is shown.
 
+import { Series } from "./samples.js";
+
 /** What a channel may be: name -> words, how many signals it takes, whether it takes a window. */
 export const OPERATIONS = {
   difference: { words: "difference a \u2212 b", inputs: 2, window: false },
   derivative: { words: "derivative of a", inputs: 1, window: false },
   mean: { words: "moving mean of a", inputs: 1, window: true },
 };
-
-/** Samples that look like those of a signal: times and values in order. */
-class Derived {
-  constructor(times, values, gaps) {
-    this.times = times;
-    this.values = values;
-    this.length = times.length;
-    this.gaps = gaps;
-  }
-
-  index(time) {
-    let low = 0;
-    let high = this.length;
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (this.times[middle] < time) low = middle + 1;
-      else high = middle;
-    }
-    return low;
-  }
-
-  at(time) {
-    const found = this.index(time);
-    if (found < this.length && this.times[found] === time) return this.values[found];
-    return found > 0 ? this.values[found - 1] : null;
-  }
-
-  get last() {
-    return this.length ? this.times[this.length - 1] : null;
-  }
-}
 
 /** Calculate a channel between two times. `window` is the length of the mean in s. */
 export function calculated(operation, a, b, window, from, to) {
@@ -66,7 +37,7 @@ export function calculated(operation, a, b, window, from, to) {
       values[place] = sum / (place - oldest + 1);
     }
   }
-  return new Derived(times, values, a.gaps);
+  return new Series(times, values, times.length, a.gaps);
 }
 
 /** Unit of a calculated channel. */

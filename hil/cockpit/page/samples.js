@@ -3,12 +3,12 @@
 const KEPT = 1 << 18;
 
 /** Newest samples of one signal: times in s and values, both in order; `gaps` are times before which samples are missing. */
-class Series {
-  constructor() {
-    this.times = new Float64Array(4096);
-    this.values = new Float64Array(4096);
-    this.length = 0;
-    this.gaps = [];
+export class Series {
+  constructor(times = new Float64Array(4096), values = new Float64Array(4096), length = 0, gaps = []) {
+    this.times = times;
+    this.values = values;
+    this.length = length;
+    this.gaps = gaps;
   }
 
   append(times, values) {

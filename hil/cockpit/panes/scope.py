@@ -12,6 +12,7 @@ columns are those of the reply to the subscription.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from struct import Struct
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
@@ -20,6 +21,8 @@ from pydantic import Field
 
 from hil.cockpit.messages import Message, MessageError
 from hil.cockpit.pane import Handler, Pane
+from hil.record import Trace, TraceGroup
+from hil.record.export import write_signals
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -49,6 +52,23 @@ class Subscribe(Message):
     """Number of the subscription, which its frames carry."""
     back_s: Annotated[float, Field(ge=0.0, le=600.0)] = 0.0
     """How much of what is recorded already comes first, s."""
+
+
+class HoldWindow(Message):
+    """Hold the samples of signals between two times, to be saved."""
+
+    kind: Literal["scope.hold"]
+    signals: Annotated[list[Annotated[str, Field(min_length=3, max_length=200)]], Field(max_length=64)]
+    from_s: Annotated[float, Field(ge=0.0, le=1e6)]
+    to_s: Annotated[float, Field(ge=0.0, le=1e6)]
+
+
+class SaveWindow(Message):
+    """Save what is held into the working folder, in the format of the suffix."""
+
+    aside = True
+    kind: Literal["scope.save"]
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,80}\.(mf4|csv|npz)$")]
 
 
 class _Stream:
@@ -95,14 +115,17 @@ class ScopePane(Pane):
     """Signals of the recorder for the pages.
 
     Args:
+        folder: Where samples are saved.
         most_behind: Rows that a page may lag behind before samples are left out.
 
     """
 
     name = "scope"
 
-    def __init__(self, most_behind: int = 60_000) -> None:
+    def __init__(self, folder: Path, most_behind: int = 60_000) -> None:
+        self._folder = folder
         self._most_behind = most_behind
+        self._held: Trace | None = None
         self._bench: Bench | None = None
         self._subscriptions: dict[Client, _Subscription] = {}
         self._next_s = 0.0
@@ -110,7 +133,7 @@ class ScopePane(Pane):
     @property
     def handlers(self) -> Mapping[type[Message], Handler]:
         """What it takes."""
-        return {Subscribe: self._subscribe}
+        return {Subscribe: self._subscribe, HoldWindow: self._hold, SaveWindow: self._save}
 
     def begin(self, bench: Bench) -> None:
         """Take up a bench; the pages subscribe anew when they get its description."""
@@ -129,17 +152,8 @@ class ScopePane(Pane):
         bench = self._bench
         if bench is None:
             raise MessageError("signals: no bench is up")
-        groups = {group.name: group for group in bench.recorder.groups}
-        wanted: dict[str, list[int]] = {}
-        for signal in dict.fromkeys(message.signals):
-            name, _, column = signal.partition(".")
-            names = [one for one, _ in groups[name].columns] if name in groups else []
-            if column not in names:
-                raise MessageError(f"signals: {signal!r} is not recorded")
-            wanted.setdefault(name, []).append(names.index(column))
         streams = []
-        for index, (name, columns) in enumerate(wanted.items()):
-            group = groups[name]
+        for index, (group, columns) in enumerate(_wanted(bench, message.signals)):
             back = self._rows_back(group, message.back_s, bench.scheduler.now)
             streams.append(_Stream(index, group, columns, group.rows - back))
         self._subscriptions[client] = _Subscription(message.number, streams)
@@ -147,6 +161,33 @@ class ScopePane(Pane):
             [f"{stream.group.name}.{stream.group.columns[one][0]}" for one in stream.columns]
             for stream in streams
         ]
+
+    def _hold(self, message: HoldWindow, _: Client) -> int:
+        bench = self._bench
+        if bench is None:
+            raise MessageError("signals: no bench is up")
+        ends = [round(one * 1e9) for one in (message.from_s, message.to_s)]
+        groups = []
+        for group, columns in _wanted(bench, message.signals):
+            content = group.content_from(0)
+            stride = 8 * (1 + len(group.columns))
+            times = np.frombuffer(content, dtype="<i8").reshape(-1, stride // 8)[:, 0]
+            first, end = np.searchsorted(times, ends[0]), np.searchsorted(times, ends[1], side="right")
+            part = np.frombuffer(content[first * stride : end * stride], dtype="<f8").reshape(-1, stride // 8)
+            kept = np.ascontiguousarray(part[:, [0, *(1 + one for one in columns)]]).tobytes()
+            names = tuple(group.columns[one] for one in columns)
+            enums = {name: group.enums[name] for name, _ in names if name in group.enums}
+            groups.append(TraceGroup.from_bytes(group.name, names, enums, kept))
+        self._held = Trace(groups, end_ns=bench.scheduler.now)
+        return max((len(group.time_ns) for group in groups), default=0)
+
+    def _save(self, message: SaveWindow, _: Client) -> str:
+        path = self._folder / message.name
+        if self._held is None:
+            raise MessageError("nothing is held: the message scope.hold comes first")
+        if path.exists():
+            raise MessageError(f"name: {message.name} is there already")
+        return str(write_signals(self._held, path))
 
     def _rows_back(self, group: Group, seconds: float, now_ns: int) -> int:
         """Return how many of the newest rows are not older than some seconds."""
@@ -177,6 +218,24 @@ class ScopePane(Pane):
         """Return all signals with their units, and the texts of those that are states."""
         bench = self._bench
         return None if bench is None else list(_signals(bench.recorder.groups))
+
+
+def _wanted(bench: Bench, signals: Iterable[str]) -> list[tuple[Group, list[int]]]:
+    """Return the groups of signals with the numbers of their columns.
+
+    Raises:
+        MessageError: A signal is not recorded.
+
+    """
+    groups = {group.name: group for group in bench.recorder.groups}
+    wanted: dict[str, list[int]] = {}
+    for signal in dict.fromkeys(signals):
+        name, _, column = signal.partition(".")
+        names = [one for one, _ in groups[name].columns] if name in groups else []
+        if column not in names:
+            raise MessageError(f"signals: {signal!r} is not recorded")
+        wanted.setdefault(name, []).append(names.index(column))
+    return [(groups[name], columns) for name, columns in wanted.items()]
 
 
 def _signals(groups: Iterable[Group]) -> Iterable[dict[str, Any]]:

@@ -283,6 +283,27 @@ def test_samples(operator):
         assert np.allclose(np.diff(np.concatenate(found)), 0.004)
 
 
+def test_saved_samples(operator):
+    """What is held of signals between two times is saved in the working folder, and replaces nothing."""
+    operator.do("time.until_time", time_s=1.0)
+    operator.until(lambda: operator.state["time"]["met"], "recorded")
+    window = {
+        "signals": ["axis1.actual_position", "axis1.state", "drive1.torque"],
+        "from_s": 0.5,
+        "to_s": 0.9,
+    }
+    assert operator.do("scope.hold", **window) == 101
+    path = operator.do("scope.save", name="held.npz")
+    with np.load(path) as saved:
+        assert saved["axis1.time_s"][[0, -1]].tolist() == pytest.approx([0.5, 0.9], abs=0.004)
+        assert len(saved["axis1.actual_position"]) == len(saved["axis1.time_s"])
+        assert set(saved) == {f"axis1.{one}" for one in ("time_ns", "time_s", "actual_position", "state")} | {
+            f"drive1.{one}" for one in ("time_ns", "time_s", "torque")
+        }
+    assert "already" in operator.refused("scope.save", name="held.npz")
+    assert "name" in operator.refused("scope.save", name="../held.npz")
+
+
 def test_another_bench(operator):
     """A text with a mistake is explained and leaves the bench as it is; a right one is brought up."""
     text = operator.do("bench.text")
@@ -316,11 +337,11 @@ class SlowPage:
         self.frames.append(content)
 
 
-def test_gaps_are_marked():
+def test_gaps_are_marked(tmp_path):
     """A page that cannot follow gets the newest rows when it can again, and the frame says that some are
     missing; one that lags a little misses nothing.
     """
-    pane, page = ScopePane(most_behind=300), SlowPage()
+    pane, page = ScopePane(tmp_path, most_behind=300), SlowPage()
     with load_bench("reference").build() as bench:
         pane.begin(bench)
         message = Subscribe(kind="scope.subscribe", signals=["axis1.actual_position"], number=1)

@@ -62,7 +62,7 @@ class ScopeView {
       h(
         "div.column",
         {},
-        h("section.card", {}, h("div.head", {}, this.runButton, h("label.inline", {}, "Window ", this.window), this.back, this.fit, h("span.spacer"), this.status, h("button", { type: "button", onclick: () => this.#csv() }, "Save CSV"), h("button", { type: "button", onclick: () => this.#picture() }, "Save picture")), this.empty, this.charts, this.lanesHost, this.xyHost),
+        h("section.card", {}, h("div.head", {}, this.runButton, h("label.inline", {}, "Window ", this.window), this.back, this.fit, h("span.spacer"), this.status, h("button", { type: "button", onclick: () => this.#csv() }, "Save CSV"), h("button.operate", { type: "button", title: "Save what is shown as MDF4 into the folder of the cockpit", onclick: () => this.#mdf() }, "Save MDF4"), h("button", { type: "button", onclick: () => this.#picture() }, "Save picture")), this.empty, this.charts, this.lanesHost, this.xyHost),
         h("section.card", {}, h("div.head", {}, h("h2", {}, "Readings"), h("span.spacer"), h("span.note", {}, "Click: cursor A. Shift and click: cursor B."), h("button", { type: "button", onclick: () => this.#noCursors() }, "Clear cursors")), this.table),
       ),
     );
@@ -630,6 +630,10 @@ class ScopeView {
     }
   }
 
+  state() {
+    for (const button of this.element.querySelectorAll("button.operate")) button.disabled = !this.context.operates();
+  }
+
   // -- events as bands
 
   events(events) {
@@ -671,6 +675,15 @@ class ScopeView {
     const lines = [heads.map((one) => (/[",]/.test(one) ? `"${one.replaceAll('"', '""')}"` : one)).join(",")];
     for (let row = 0; row < table[0].length; row++) lines.push(table.map((column) => (column[row] === null || column[row] === undefined ? "" : Number(column[row].toPrecision(12)))).join(","));
     save(new Blob([`${lines.join("\r\n")}\r\n`], { type: "text/csv" }), "scope.csv");
+  }
+
+  async #mdf() {
+    const signals = this.channels.filter((one) => !one.operation).map((one) => one.name);
+    const [from, to] = this.range;
+    const rows = await this.context.act("scope.hold", { signals, from_s: Math.max(0, from), to_s: Math.max(0, to) });
+    if (rows === undefined) return;
+    const written = await this.context.act("scope.save", { name: `scope_${Math.round(to * 1000)}.mf4` });
+    if (written) toast(`${written}: ${rows} samples of each signal`);
   }
 
   #picture() {
