@@ -400,6 +400,16 @@ def emulate(
         ),
     ] = False,
     net_id: Annotated[str, typer.Option("--net-id", metavar="ID", help="AMS NetID of it.")] = "127.0.0.1.1.1",
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--fault",
+            "-x",
+            metavar="TEXT",
+            help="Fault between the controller and the drives, or in a drive: KIND[@TARGET][:KEY=VALUE,...]; "
+            "may be repeated.",
+        ),
+    ] = None,
     seed: SeedOption = 0,
     duration: Annotated[
         float, typer.Option("--for", metavar="S", help="End after S seconds; 0: with Ctrl-C.")
@@ -409,10 +419,10 @@ def emulate(
     if ads:
         from hil._commands.ads import serve_ads
 
-        given = (interface, channel, *(option or ()), adapter, link)
+        given = (interface, channel, *(option or ()), adapter, link, *(fault or ()))
         if any(given):
             raise typer.BadParameter(
-                "--ads serves the bench as its file describes it: no other bus, adapter or link"
+                "--ads serves the bench as its file describes it: no other bus, adapter, link or fault"
             )
         raise typer.Exit(serve_ads(bench, host=host, port=port, net=net_id, seed=seed, duration_s=duration))
     from hil._commands.emulate import Place, emulate_bench
@@ -423,6 +433,7 @@ def emulate(
             Place(interface, channel, tuple(option or ()), host, port),
             adapter=adapter,
             link=link,
+            faults=tuple(fault or ()),
             seed=seed,
             duration_s=duration,
         )

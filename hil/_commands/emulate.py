@@ -6,7 +6,7 @@ import math
 import os
 import signal
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +21,7 @@ from hil.bench.drive_config import AnalogDriveTable, ProfidriveModbusTable
 from hil.bench.segment_config import RESERVED_OPTIONS, CanTable, RtuTable, TcpTable
 from hil.campaign import load_bench_file
 from hil.errors import CannotRunError
+from hil.faults import Injector, fault_from_text
 
 if TYPE_CHECKING:
     from fieldbus.history import Event
@@ -46,6 +47,8 @@ _TOLD: Final = (
     "drive.fault_cleared",
     "drive.connection_lost",
     "drive.communication_lost",
+    "fault.applied",
+    "fault.removed",
     "can.status",
     "adapter.state",
     "adapter.overrun",
@@ -77,7 +80,14 @@ class Place:
 
 
 def emulate_bench(
-    reference: str, place: Place, *, adapter: str = "", link: str = "", seed: int, duration_s: float
+    reference: str,
+    place: Place,
+    *,
+    adapter: str = "",
+    link: str = "",
+    faults: Sequence[str] = (),
+    seed: int,
+    duration_s: float,
 ) -> int:
     """Run the emulated drives until Ctrl-C, SIGTERM or the end of `duration_s`; returns the exit code.
 
@@ -91,13 +101,15 @@ def emulate_bench(
             named, exists in this process only.
         link: Symbolic link to make to the adapter's device file, or to that of the first drive on a
             Modbus line; one that is there already is replaced.
+        faults: Faults as of `hil.faults.fault_from_text`, armed when the drives are on the bus.
         seed: Seed of the drives' random streams.
         duration_s: 0: until the end is asked for.
 
     Raises:
         CannotRunError: The bench has no emulated drive, or drives that cannot share one bus; or no
             pseudo-terminal or link can be made.
-        ConfigurationError: The bench file, an option or the duration is wrong.
+        ConfigurationError: The bench file, an option, a fault or the duration is wrong.
+        UnsupportedFaultError: A fault is not possible here; the message says why.
         BusError: The bus cannot be opened.
 
     """
@@ -105,6 +117,7 @@ def emulate_bench(
         raise ConfigurationError("--for", duration_s, "a number of seconds, 0 or more")
     if adapter not in ("", "slcan"):
         raise ConfigurationError("--adapter", adapter, "slcan")
+    wanted = [fault_from_text(text, where="--fault") for text in faults]
     config = _served_at(config_of(reference), place)
     emulated = {name: config.devices[name] for name in config.emulated_names}
     if not emulated:
@@ -137,6 +150,7 @@ def emulate_bench(
     handlers = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         from hil.bench.drive_host import DriveHost
+        from hil.bench.hosted import HostedBench
 
         host = DriveHost(config, place=opening, seed=seed, record=False)
         with ExitStack() as stack:
@@ -158,8 +172,11 @@ def emulate_bench(
                 out.print(_OWN_FRAMES, style="dim", markup=False, soft_wrap=True)
             if device:
                 out.print(f"adapter: {adapter} on {device}", markup=False, soft_wrap=True)
-            out.print("ready; end with Ctrl-C", style="dim", markup=False)
+            injector = Injector(HostedBench(config, host, seed=seed))
             stack.callback(host.history.listen(_tell))
+            for fault in wanted:
+                injector.arm(fault)
+            out.print("ready; end with Ctrl-C", style="dim", markup=False)
             left_s = duration_s or math.inf
             while left_s > 0.0 and not ended:
                 host.run_until(lambda: ended, min(left_s, _SLICE_S))

@@ -10,6 +10,7 @@ from fieldbus.errors import ConfigurationError, UnknownNameError
 from hil.envelope._actions import ACTIONS
 from hil.faults import CATALOGUE, Fault, Injector, at
 from hil.faults._parameters import Scalar
+from hil.faults._text import number, split_text
 
 if TYPE_CHECKING:
     from hil.bench.bench import Bench
@@ -97,26 +98,6 @@ def stimulus_from_text(text: str) -> Stimulus:
         ConfigurationError: It is written otherwise, or as of `Stimulus`.
 
     """
-    head, colon, tail = text.partition(":")
-    kind, _, target = head.partition("@")
-    parameters: dict[str, Scalar] = {}
-    for part in tail.split(",") if colon else ():
-        key, equals, value = part.partition("=")
-        if not equals or not key.strip():
-            raise ConfigurationError("envelope", text, "KIND[@TARGET][:KEY=VALUE,...]")
-        parameters[key.strip()] = _scalar(value.strip())
-    duration = parameters.pop("duration_s", None)
-    if duration is not None and (isinstance(duration, (str, bool))):
-        raise ConfigurationError(f"{kind.strip()}.duration_s", duration, "a number > 0 s")
-    return Stimulus(kind.strip(), target.strip(), parameters, duration)
-
-
-def _scalar(text: str) -> Scalar:
-    if text.lower() in {"true", "false"}:
-        return text.lower() == "true"
-    for read in (lambda one: int(one, 0), float):
-        try:
-            return read(text)
-        except ValueError:
-            continue
-    return text
+    kind, target, parameters = split_text(text, where="envelope")
+    duration_s = number(parameters, "duration_s", kind)
+    return Stimulus(kind, target, parameters, duration_s)

@@ -13,6 +13,7 @@ from hil.faults._fault import Fault
 from hil.faults._injector import ArmedFault, Injector
 from hil.faults._kind import FaultType
 from hil.faults._parameters import ENVIRONMENTS, Environment, Parameter
+from hil.faults._text import fault_from_text
 from hil.faults._trigger import (
     TRIGGERS,
     AnyOf,
@@ -74,6 +75,7 @@ __all__ = [
     "chance",
     "condition",
     "every",
+    "fault_from_text",
     "fault_type",
     "frame",
     "immediately",
