@@ -59,7 +59,7 @@ def cockpit(
         [
             TimePane(machine, control),
             BenchPane(machine, folder),
-            AxisPane(control, folder, allow_motion=allow_motion),
+            AxisPane(control, folder, allow_motion=allow_motion, on_away=session.operator_away),
             ScopePane(folder),
             session,
             FaultPane(session.the_session),

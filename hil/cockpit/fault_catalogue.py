@@ -107,8 +107,14 @@ def triggers() -> list[JsonObject]:
     return [{"when": when, "summary": form.summary, "live": form.live} for when, form in TRIGGERS.items()]
 
 
-def stand(armed: ArmedFault) -> JsonObject:
-    """Return how an armed fault stands."""
+def stand(armed: ArmedFault, waiting: str) -> JsonObject:
+    """Return how an armed fault stands.
+
+    Args:
+        armed: The fault.
+        waiting: What came in place of its trigger; empty: it has come, or nobody has looked.
+
+    """
     fault = armed.fault
     ends = f"until {fault.until}" if fault.until is not None else ""
     if fault.duration_s is not None:
@@ -124,5 +130,5 @@ def stand(armed: ArmedFault) -> JsonObject:
         "applications": armed.applications,
         "applied_s": None if armed.applied_ns is None else armed.applied_ns * 1e-9,
         "removed_s": None if armed.removed_ns is None else armed.removed_ns * 1e-9,
-        "waiting": armed.waiting_summary(),
+        "waiting": "" if armed.over or armed.active else waiting,
     }

@@ -70,6 +70,6 @@ class Session:
             bench_file,
         )
 
-    def to_dicts(self) -> list[JsonObject]:
-        """Return the steps for a list."""
-        return [one.to_dict(number) for number, one in enumerate(self.steps, 1)]
+    def to_dicts(self, since: int = 0) -> list[JsonObject]:
+        """Return the steps for a list, from a number on, from 0."""
+        return [one.to_dict(number) for number, one in enumerate(self.steps[since:], since + 1)]

@@ -4,6 +4,7 @@ makes.
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import shutil
 from collections.abc import Callable, Iterator
@@ -93,6 +94,22 @@ class Browser:
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
         features = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", features)
+
+    def accessible(self, width: int, scheme: str) -> None:
+        """Expect that axe-core finds nothing, and that nothing is wider than the screen, at a width and in a
+        colour scheme.
+        """
+        self.view(width, 900, scheme)
+        if not self.js("return typeof axe === 'object'"):
+            folder = importlib.util.find_spec("axe_core_python").submodule_search_locations[0]
+            self.js((Path(folder) / "axe.min.js").read_text("utf-8"))
+            self.driver.set_script_timeout(120)
+        found = self.driver.execute_async_script(
+            "const done = arguments[0]; axe.run().then((found) => done(found.violations.map((one) => "
+            "[one.id, one.help, one.nodes.map((node) => node.html)])))"
+        )
+        assert found == [], json.dumps(found, indent=1)
+        assert self.js("return document.documentElement.scrollWidth") <= width
 
     def complaints(self) -> list[str]:
         """Everything that the console got since the last call."""

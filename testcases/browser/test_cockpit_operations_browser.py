@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import json
-from pathlib import Path
 from socket import create_server
 
 import pytest
@@ -18,20 +15,11 @@ from testcases.cockpit_rig import TOKEN, served
 pytestmark = pytest.mark.browser
 
 
-def axe(page, subtests, what: str) -> None:
-    """Let axe-core look at the page, wide and dark, narrow and light; nothing is wider than the screen."""
-    folder = importlib.util.find_spec("axe_core_python").submodule_search_locations[0]
-    page.js((Path(folder) / "axe.min.js").read_text("utf-8"))
-    page.driver.set_script_timeout(120)
+def accessible(page, subtests, what: str) -> None:
+    """Look at the page wide and dark, narrow and light."""
     for width, scheme in ((1440, "dark"), (390, "light")):
-        page.view(width, 900, scheme)
         with subtests.test(f"{what}, {width}, {scheme}"):
-            found = page.driver.execute_async_script(
-                "const done = arguments[0]; axe.run().then((found) => done(found.violations.map((one) => "
-                "[one.id, one.help, one.nodes.map((node) => node.html)])))"
-            )
-            assert found == [], json.dumps(found, indent=1)
-            assert page.js("return document.documentElement.scrollWidth") <= width
+            page.accessible(width, scheme)
     page.view(1440, 900, "light")
 
 
@@ -74,7 +62,7 @@ def test_a_fault_is_found_injected_seen_and_becomes_a_test(page, tmp_path, subte
     press(page, "Inject", ".fault-form")
     page.until(lambda: "drive.fault" in page.one(".armed").text, "it is listed")
     assert "code 8976" in page.one(".armed").text
-    axe(page, subtests, "faults")
+    accessible(page, subtests, "faults")
     page.one("#tab-bus").click()
     page.one(".bus-view input[type=checkbox]").click()
     page.one(".bus-view input[type=search]").send_keys("emcy")
@@ -86,14 +74,14 @@ def test_a_fault_is_found_injected_seen_and_becomes_a_test(page, tmp_path, subte
     page.one(".bus-view [aria-label='Search objects']").send_keys("1018h:01h")
     press(page, "Read", ".objects")
     page.until(lambda: page.one(".value-of").text, "a value comes")
-    axe(page, subtests, "bus")
+    accessible(page, subtests, "bus")
     page.one("#tab-session").click()
     assert "fault drive.fault on drive1" in page.one(".steps").text
     press(page, "Write pytest", ".session")
     page.until(lambda: "def test_session(" in page.one("pre.code").text, "the test is written", 60.0)
     press(page, "Save in the working folder", ".session")
     page.until((tmp_path / "test_session.py").exists, "saved")
-    axe(page, subtests, "session")
+    accessible(page, subtests, "session")
 
 
 def test_the_page_of_a_campaign(driver, tmp_path, subtests):
@@ -113,7 +101,7 @@ def test_the_page_of_a_campaign(driver, tmp_path, subtests):
         watch.case_done(CaseResult("stops/b", "second", Verdict.ERROR, message="it broke"))
         page.until(lambda: "it broke" in page.one("main").text, "the failure comes")
         assert len([one for one in page.all(".results tbody tr") if one.is_displayed()]) == 1
-        axe(page, subtests, "campaign")
+        accessible(page, subtests, "campaign")
         press(page, "Stop", "header")
         page.until(lambda: watch.stopping, "stop arrives")
         watch.paused(finished=False)

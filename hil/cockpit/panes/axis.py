@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
@@ -78,13 +78,22 @@ class AxisPane(Pane):
         control: Who operates.
         folder: Where pages are written.
         allow_motion: Whether axes with a physical drive may be moved.
+        on_away: Told when all axes have been stopped because the operator is away.
 
     """
 
     name = "axis"
 
-    def __init__(self, control: Control, folder: Path, *, allow_motion: bool) -> None:
+    def __init__(
+        self,
+        control: Control,
+        folder: Path,
+        *,
+        allow_motion: bool,
+        on_away: Callable[[], object] = lambda: None,
+    ) -> None:
         self._control = control
+        self._on_away = on_away
         self._folder = folder
         self._allow_motion = allow_motion
         self._desks: dict[str, AxisDesk] = {}
@@ -134,6 +143,7 @@ class AxisPane(Pane):
         if not self._away:
             self._away = True
             self._stop()
+            self._on_away()
         for desk in self._desks.values():
             desk.watch()
 
@@ -141,6 +151,7 @@ class AxisPane(Pane):
         """Stop what the page has operated, and give the axes back by the rule of the sign of life."""
         if self._control.client is client:
             self._stop()
+            self._on_away()
 
     def given_up(self) -> None:
         """Disable all axes and give them back, without waiting for it."""

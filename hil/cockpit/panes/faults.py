@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from pydantic import Field
 
@@ -17,8 +17,12 @@ if TYPE_CHECKING:
     from hil.bench.bench import Bench
     from hil.cockpit.client import Client
     from hil.cockpit.session import Session
+    from hil.faults import ArmedFault
     from reports.json_types import JsonObject
 
+_MOST_SHOWN: Final = 50
+_LOOK_S: Final = 1.0
+"""Time between two looks at why triggers have not fired, s."""
 _Text = Annotated[str, Field(max_length=200)]
 _Value = bool | int | float | _Text
 _Values = Annotated[dict[Annotated[str, Field(max_length=40)], _Value], Field(max_length=16)]
@@ -66,6 +70,9 @@ class FaultPane(Pane):
         self._description: JsonObject | None = None
         self._steps: dict[int, int] = {}
         """Number of an armed fault -> number of its step."""
+        self._waiting: dict[int, str] = {}
+        """Number of an armed fault -> what came in place of its trigger."""
+        self._next_s = 0.0
 
     @property
     def handlers(self) -> Mapping[type[Message], Handler]:
@@ -74,7 +81,7 @@ class FaultPane(Pane):
 
     def begin(self, bench: Bench) -> None:
         """Take up a bench."""
-        self._steps = {}
+        self._steps, self._waiting = {}, {}
         self._description = {"catalogue": list(describe(bench)), "triggers": list(triggers())}
 
     def end(self) -> None:
@@ -112,6 +119,16 @@ class FaultPane(Pane):
         """Return the catalogue."""
         return self._description
 
+    def pulse(self, now_s: float) -> None:
+        """Look once a second why triggers have not fired: that goes through the recording."""
+        if now_s < self._next_s:
+            return
+        self._next_s = now_s + _LOOK_S
+        self._waiting = {one.number: one.waiting_summary() for one in self._armed() if not one.over}
+
+    def _armed(self) -> list[ArmedFault]:
+        return self._session().performer.injector.armed[-_MOST_SHOWN:]
+
     def state(self) -> object:
         """Return what has been armed, the newest first."""
-        return [stand(one) for one in reversed(self._session().performer.injector.armed[-50:])]
+        return [stand(one, self._waiting.get(one.number, "")) for one in reversed(self._armed())]

@@ -36,6 +36,14 @@ class HoldSession(Message):
     kind: Literal["session.hold"]
 
 
+class SessionSteps(Message):
+    """Ask for the steps from a number on, from 0."""
+
+    operates = False
+    kind: Literal["session.steps"]
+    since: Annotated[int, Field(ge=0, le=2**53 - 1)] = 0
+
+
 class WriteSession(Message):
     """Write the session that is held: the text comes as the reply."""
 
@@ -90,7 +98,12 @@ class SessionPane(Pane):
     @property
     def handlers(self) -> Mapping[type[Message], Handler]:
         """What it takes."""
-        return {HoldSession: self._hold, WriteSession: self._write, SaveSession: self._save}
+        return {
+            SessionSteps: self._steps,
+            HoldSession: self._hold,
+            WriteSession: self._write,
+            SaveSession: self._save,
+        }
 
     def begin(self, bench: Bench) -> None:
         """Begin a new session."""
@@ -153,9 +166,14 @@ class SessionPane(Pane):
         form, text = self._written
         return str(save_text(text, self._folder, message.name, ending="py" if form == "pytest" else "toml"))
 
+    def operator_away(self) -> None:
+        """Record that everything was stopped because the operator is away."""
+        if self._axes is not None and self._session is not None:
+            self._axes.stop_all(self._session.bench.scheduler.now)
+
+    def _steps(self, message: SessionSteps, _: Client) -> object:
+        return self.the_session().to_dicts(message.since)[-_MOST_SHOWN:]
+
     def state(self) -> object:
-        """Return the steps, the newest ones of many."""
-        if self._session is None:
-            return None
-        steps = self._session.to_dicts()
-        return {"count": len(steps), "steps": steps[-_MOST_SHOWN:]}
+        """Return the number of steps; a page asks for those that it has not."""
+        return None if self._session is None else {"count": len(self._session.steps)}

@@ -38,12 +38,16 @@ class SessionView {
         this.result,
       ),
     );
-    this.shownSteps = "";
+    this.known = 0;
+    this.asking = false;
   }
 
   bench() {
-    this.shownSteps = "";
+    this.known = 0;
     this.lines.replaceChildren();
+    text(this.count, "0 steps");
+    show(this.none, true);
+    show(this.table, false);
     show(this.result, false);
     text(this.busy, "");
   }
@@ -51,16 +55,27 @@ class SessionView {
   state(state) {
     const session = state.session;
     this.save.disabled = !this.context.operates();
-    if (!session) return;
-    const last = session.steps.at(-1);
-    const key = `${session.count} ${last ? last.text : ""}`;
-    if (key === this.shownSteps) return;
-    this.shownSteps = key;
-    text(this.count, session.count === 1 ? "1 step" : `${session.count} steps`);
-    show(this.none, session.count === 0);
-    show(this.table, session.count > 0);
-    this.lines.replaceChildren(...session.steps.map((one) => h("tr", {}, h("td.right", {}, String(one.number)), h("td.right", {}, `${number(one.time_s, 3)} s`), h("td", {}, one.text))));
-    this.table.scrollTop = this.table.scrollHeight;
+    if (session && session.count > this.known && !this.asking) this.#ask();
+  }
+
+  async #ask() {
+    this.asking = true;
+    try {
+      const steps = await this.context.request("session.steps", { since: this.known });
+      for (const one of steps) {
+        if (one.number <= this.known) continue;
+        this.known = one.number;
+        this.lines.append(h("tr", {}, h("td.right", {}, String(one.number)), h("td.right", {}, `${number(one.time_s, 3)} s`), h("td", {}, one.text)));
+      }
+      text(this.count, this.known === 1 ? "1 step" : `${this.known} steps`);
+      show(this.none, this.known === 0);
+      show(this.table, this.known > 0);
+      this.table.scrollTop = this.table.scrollHeight;
+    } catch {
+      // the bench has gone meanwhile; the next state asks again
+    } finally {
+      this.asking = false;
+    }
   }
 
   async #write(event, form) {
