@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, islice
 from typing import TYPE_CHECKING, Any, Final
 
 import hypothesis
@@ -19,6 +19,7 @@ from allpairspy import AllPairs
 from hil.errors import CannotRunError
 from hil.faults import Fault
 from hil.fuzz._program import REMOVE_FAULTS, Break, Do, Program, Step, Wait, job_names
+from hil.fuzz._run import injectable
 from hil.fuzz._strategies import PREAMBLE, fault_kinds, fault_steps, identifiers_of
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def fault_pairs(bench_file: BenchFile[Any], *, seed: int = 0) -> list[Program]:
         if "move_velocity" not in job_names(bench.axis()):
             raise CannotRunError("pairs of faults need a technology object as first axis")
         kinds, ids = fault_kinds(bench), identifiers_of(bench)
-    known = {kind: _variants(kind, ids, seed) for kind in kinds}
+    known = {kind: _variants(bench_file, kind, ids, seed) for kind in kinds}
     return [
         program
         for one, other in combinations_with_replacement(kinds, 2)
@@ -58,15 +59,15 @@ def fault_pairs(bench_file: BenchFile[Any], *, seed: int = 0) -> list[Program]:
     ]
 
 
-def _variants(kind: str, ids: dict[str, int], seed: int) -> list[Fault]:
-    """Return faults of a kind with different parameters, made to overlap."""
-    found: dict[str, Fault] = {}
+def _variants(bench_file: BenchFile[Any], kind: str, ids: dict[str, int], seed: int) -> list[Fault]:
+    """Return faults of a kind with different parameters, made to overlap; none that the bench refuses."""
+    tried: dict[str, Fault] = {}
 
     def keep(step: Step) -> None:
-        if isinstance(step, Break) and len(found) < VARIANTS:
+        if isinstance(step, Break):
             fault = step.fault
             lasting = fault.duration_s is not None
-            found.setdefault(str(fault.parameters), replace(fault, duration_s=_ACTS_S if lasting else None))
+            tried.setdefault(str(fault.parameters), replace(fault, duration_s=_ACTS_S if lasting else None))
 
     settings = hypothesis.settings(
         max_examples=_DRAWN,
@@ -78,10 +79,14 @@ def _variants(kind: str, ids: dict[str, int], seed: int) -> list[Fault]:
     )
     run: Any = settings(hypothesis.given(fault_steps(kind, ids))(keep))
     hypothesis.seed(seed)(run)()
-    return list(found.values())
+    with bench_file.build(seed=seed) as bench:
+        possible = (fault for fault in tried.values() if injectable(fault, bench))
+        return list(islice(possible, VARIANTS))
 
 
 def _programs(first: Sequence[Fault], second: Sequence[Fault]) -> Iterator[Program]:
+    if not first or not second:
+        return
     for one, other, turned, moving in _rows(len(first), len(second)):
         pair = first[one], second[other]
         yield _program(*(reversed(pair) if turned else pair), moving=moving)

@@ -12,7 +12,7 @@ from hil.campaign import CaseContext, Token
 from hil.campaign._execute import collect_evidence
 from hil.errors import BlockedError, CaseTimeoutError, ExpectationFailedError, UnsupportedFaultError
 from hil.expect import ALWAYS_ON, SEARCH_RULES, run_checkers, undecided_until
-from hil.faults import Fault
+from hil.faults import Fault, Injector
 from hil.fuzz._hands import Hands, hands_of
 from hil.fuzz._invariants import Invariant, NamedJob, OneJobOutput, Violation, default_invariants
 from hil.fuzz._program import REMOVE_FAULTS, Break, Program, Step, Wait
@@ -176,6 +176,17 @@ def _of_first_axis(fault: Fault, bench: Any) -> Fault:
     if not of_drive:
         return replace(fault, target=axis.name)
     return replace(fault, target=bench.drive_of(axis.name)) if hasattr(bench, "drive_of") else fault
+
+
+def injectable(fault: Fault, bench: Bench) -> bool:
+    """Return whether a bench takes a fault on its first axis; the fault acts on it for a moment."""
+    injector = Injector(bench)
+    try:
+        injector.arm(_of_first_axis(fault, bench))
+    except (UnsupportedFaultError, BlockedError, ConfigurationError):
+        return False
+    injector.remove_all()
+    return True
 
 
 def _perform(

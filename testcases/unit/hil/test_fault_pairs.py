@@ -49,6 +49,18 @@ def test_the_second_comes_while_the_first_acts(programs):
     assert max(map(len, variants.values())) == VARIANTS
 
 
+def test_the_bench_takes_every_fault():
+    """What a bench refuses is no part of a pair: on `profidrive` another transition than 4, and a limited
+    position without a range.
+    """
+    with load_bench("profidrive").build(seed=0) as bench:
+        kinds = fault_kinds(bench)
+    faults = [fault for program in fault_pairs(load_bench("profidrive")) for fault in _faults(program)]
+    refused = {fault.parameters["transition"] for fault in faults if fault.kind == "drive.refuse_transition"}
+    assert refused == {4}
+    assert set(kinds) - {fault.kind for fault in faults} == {"safety.slp"}
+
+
 def test_the_programs_are_the_same_each_time(programs):
     """The draw depends on the bench and the seed alone."""
     again = fault_pairs(load_bench("reference"))
