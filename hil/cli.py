@@ -727,6 +727,15 @@ def fuzz(
             "--pairs", help="Run every pair of fault kinds of the bench, in each order, in place of a search."
         ),
     ] = False,
+    kinds: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--kind",
+            metavar="KIND",
+            help="With --pairs: only these kinds of faults; may be repeated.",
+            autocompletion=_fault_names,
+        ),
+    ] = None,
     shard: Annotated[
         str,
         typer.Option("--shard", metavar="I/N", help="With --pairs: only the I-th of N parts."),
@@ -740,7 +749,9 @@ def fuzz(
 
     if pairs:
         part = parse_shard(shard)
-        raise typer.Exit(fuzz_pairs(bench=bench, seed=seed, part=part, report=report, as_json=as_json))
+        raise typer.Exit(
+            fuzz_pairs(bench=bench, seed=seed, kinds=kinds or (), part=part, report=report, as_json=as_json)
+        )
     raise typer.Exit(
         fuzz_bench(
             cases=cases,

@@ -147,12 +147,15 @@ def _report(
     return finish(run, report).report
 
 
-def fuzz_pairs(*, bench: str, seed: int, part: tuple[int, int] | None, report: Path, as_json: bool) -> int:
+def fuzz_pairs(
+    *, bench: str, seed: int, kinds: Sequence[str], part: tuple[int, int] | None, report: Path, as_json: bool
+) -> int:
     """Run every pair of fault kinds on a bench, tell, return the exit code: 1 when an invariant was broken.
 
     Args:
         bench: Reference of the bench; empty: the embedded one.
         seed: Of the parameters of the faults, and of the bench.
+        kinds: Only pairs of these; none: of all that a search draws.
         part: Number, from 1, and count: only the programs of this part.
         report: Folder for what has failed.
         as_json: Result as JSON on standard output.
@@ -164,7 +167,7 @@ def fuzz_pairs(*, bench: str, seed: int, part: tuple[int, int] | None, report: P
     out = console()
     with quiet_stdout(as_json):
         bench_file = load_bench_file(bench or None)
-        programs = fault_pairs(bench_file, seed=seed)
+        programs = fault_pairs(bench_file, seed=seed, kinds=kinds)
         if part is not None:
             programs = programs[part[0] - 1 :: part[1]]
         with CaseProgress(len(programs), "pairs of faults") as progress:

@@ -36,21 +36,26 @@ _LATER_S: Final = 0.1
 _VELOCITY: Final = 100.0
 
 
-def fault_pairs(bench_file: BenchFile[Any], *, seed: int = 0) -> list[Program]:
+def fault_pairs(bench_file: BenchFile[Any], *, seed: int = 0, kinds: Sequence[str] = ()) -> list[Program]:
     """Return a program for every pair of fault kinds that a bench can inject, order, motion and parameters.
 
     Args:
         bench_file: The bench.
         seed: Of the parameters.
+        kinds: Only pairs of these kinds; none: of all that the bench can inject and a search draws.
 
     Raises:
-        CannotRunError: Its first axis takes no instructions of a technology object.
+        CannotRunError: A kind is none of them, or the first axis of the bench takes no instructions of a
+            technology object.
 
     """
     with bench_file.build(seed=seed) as bench:
         if "move_velocity" not in job_names(bench.axis()):
             raise CannotRunError("pairs of faults need a technology object as first axis")
-        kinds, ids = fault_kinds(bench), identifiers_of(bench)
+        possible, ids = fault_kinds(bench), identifiers_of(bench)
+    if wrong := [kind for kind in kinds if kind not in possible]:
+        raise CannotRunError(f"{wrong[0]!r} is no kind of fault that {bench_file.name} takes from a search")
+    kinds = kinds or possible
     known = {kind: _variants(bench_file, kind, ids, seed) for kind in kinds}
     return [
         program
