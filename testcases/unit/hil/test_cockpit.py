@@ -9,6 +9,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from hil.bench import load_bench
+from hil.cli import main
 from hil.cockpit.messages import RateLimit
 from hil.cockpit.panes.scope import ScopePane, Subscribe
 from testcases.cockpit_fuzz import fuzz
@@ -320,9 +321,9 @@ def test_drawn_messages():
     """Drawn messages, right and wrong, are all answered, and the cockpit goes on: a sample of
     `python -m testcases.cockpit_fuzz`.
     """
-    counts = fuzz(400, seed=1)
-    assert counts["carried out"] > 50
-    assert counts["refused"] > 50
+    counts = fuzz(200, seed=1)
+    assert counts["carried out"] > 25
+    assert counts["refused"] > 25
 
 
 class SlowPage:
@@ -364,3 +365,22 @@ def test_gaps_are_marked(tmp_path):
     assert found == [(0, 100), (0, 250), (1, 300)]
     lost = np.frombuffer(page.frames[2], "<f8", 1, 16)[0] - np.frombuffer(page.frames[1], "<f8", 250, 16)[-1]
     assert lost == pytest.approx(0.004 * (1050 - 300 + 1))
+
+
+def test_command_refuses(tmp_path, monkeypatch, capsys, subtests):
+    """A host beyond the loopback needs a token file that its owner alone may read; a missing package and a
+    missing bench are said in one sentence.
+    """
+    token = tmp_path / "token"
+    token.write_text("0123456789abcdef\n")
+    for name, arguments, words in (
+        ("no token file", ["--host", "0.0.0.0"], "--token-file"),
+        ("readable by others", ["--host", "0.0.0.0", "--token-file", str(token)], "chmod 600"),
+        ("no bench", ["nowhere.toml"], "nowhere.toml"),
+    ):
+        with subtests.test(name):
+            assert main(["cockpit", *arguments]) == 2
+            assert words in capsys.readouterr().err
+    monkeypatch.setattr("hil._commands.cockpit.find_spec", lambda _: None)
+    assert main(["cockpit"]) == 2
+    assert "pip install 'motion-hil[cockpit]'" in capsys.readouterr().err
