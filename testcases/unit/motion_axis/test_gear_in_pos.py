@@ -44,9 +44,7 @@ def until_place(rig, x):
     rig.until(lambda: rig.leader.object.servo.total.s >= x - 1e-9, 20.0)
 
 
-@pytest.mark.requirement(
-    "SYN-120", "SYN-121", "SYN-156", "SYN-163", "SYN-086", "SYN-089", "SYN-090", "SYN-099"
-)
+@pytest.mark.requirement("SYN-121", "SYN-156", "SYN-163", "SYN-086", "SYN-089", "SYN-090", "SYN-099")
 def test_in_advance_over_a_distance():
     """Waiting up to 50 mm before the synchronous position, then the polynomial, then y = x - 75; outputs,
     status bits and variables say which.

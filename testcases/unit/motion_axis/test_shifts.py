@@ -13,7 +13,7 @@ from motion.kernel.synchronous import ShiftOverDistance
 from testcases.unit.motion_axis.conftest import CYCLE
 from testcases.unit.motion_axis.override_cells import cam_of
 from testcases.unit.motion_axis.test_gear_in import SYNCHRONOUS, gear, in_gear, places
-from testcases.unit.motion_axis.test_gear_in_pos import standing
+from testcases.unit.motion_axis.test_gear_in_pos import standing, travel
 
 DYNAMICS = {"Velocity": 50.0, "Acceleration": 1000.0, "Deceleration": 1000.0, "Jerk": 0.0}
 SYNC = "StatusSynchronizedMotion."
@@ -420,6 +420,25 @@ def test_the_additive_value_belongs_to_the_axis():
 
 
 @pytest.mark.requirement("SYN-428")
+@pytest.mark.parametrize(("speed", "growth"), [(40.0, 0.0), (5.0, 60.0), (-30.0, -20.0)])
+def test_velocity_and_acceleration_of_a_shift_are_its_derivatives(speed, growth):
+    """At constant and at changing velocity of the leading value; both are continuous, and 0 at its ends."""
+    shift = ShiftOverDistance(1.0, 9.0, distance=40.0, direction=3, start=None, modulo=0.0)
+    step, x, rows = 1e-3, 0.0, []
+    for number in range(1, 2000):
+        time = number * step
+        before, x = x, speed * time + 0.5 * growth * time * time
+        shift.step(x, x - before, speed + growth * time, growth)
+        rows.append((shift.value, shift.velocity, shift.acceleration))
+    assert shift.done
+    for (s0, v0, _), (_, v1, a1), (s2, v2, _) in zip(rows, rows[1:], rows[2:], strict=False):
+        assert (s2 - s0) / (2.0 * step) == pytest.approx(v1, abs=0.02)
+        assert (v2 - v0) / (2.0 * step) == pytest.approx(a1, abs=0.6)
+    top = max(abs(a) for *_, a in rows)
+    assert top > 5.0
+    assert max(abs(b[2] - a[2]) for a, b in pairwise(rows)) < 0.05 * top
+
+
 @given(
     target=st.floats(-50.0, 50.0),
     distance=st.floats(1.0, 100.0),
@@ -478,3 +497,57 @@ def test_offsets_of_a_cam_contain_its_slave_offset():
     assert refused(rig, "phasing_absolute", (1.0,), {}) == 0x80A8
     rig.until(rig.axis.phasing_absolute(5.0, ProfileReference=1, PhasingDistance=20.0).done)
     assert relation(rig) - base == pytest.approx(-15.0)
+
+
+@pytest.mark.exhaustive
+@settings(max_examples=6)
+@given(
+    numerator=st.integers(-40, 40).filter(bool),
+    denominator=st.integers(1, 13),
+    profile=st.sampled_from([1, 3, 4]),
+    modulo=st.sampled_from([(0.0, 0.0), (36.0, 0.0), (0.0, 50.0), (65.7, 47.3)]),
+    shifts=st.lists(st.tuples(st.booleans(), st.floats(-4.0, 4.0)), min_size=1, max_size=3),
+    reverses=st.booleans(),
+)
+def test_any_gear_with_any_shifts(numerator, denominator, profile, modulo, shifts, reverses):
+    """A gear between positions, with modulo ranges on either side and shifts of both values one after the
+    other: F = N / D * M from the synchronous positions in every cycle, and the axis is at F and its offset.
+    """
+    ratio = numerator / denominator
+    fast = {"DynamicLimits.MaxVelocity": 20_000.0, "DynamicLimits.Velocity": 20_000.0}
+    ranges = [
+        fast | ({"Modulo.Enable": True, "Modulo.Length": length} if length else {}) for length in modulo
+    ]
+    rig = standing(leader=ranges[0], follower=ranges[1])
+    job = rig.axis.gear_in_pos(
+        rig.leader, 20.0, 10.0, numerator, denominator, SyncProfileReference=profile, MasterStartDistance=15.0
+    )
+    travel(rig, 60.0)
+    rig.until(job.in_sync)
+    x0, y0 = places(rig)
+    seen = []
+
+    def look():
+        phase, offset = tag(rig, "PhaseShift"), tag(rig, "Offset")
+        x, y = places(rig)
+        seen.append((y - offset - y0 - ratio * (x + phase - x0), rig.axis.var("Velocity"), y))
+
+    rig.runtime.after_cycle.append(look)
+    for phases, amount in shifts:
+        if phases:
+            shift = rig.axis.phasing_relative(amount, ProfileReference=1, PhasingDistance=12.0)
+        else:
+            shift = rig.axis.offset_relative(amount, 12.0)
+        rig.until(shift.done)
+    if reverses:
+        travel(rig, -45.0)
+        rig.run(0.3)
+    assert job.InSync
+    assert rig.alarms_of("axis1") == []
+    assert max(abs(off) for off, *_ in seen) < 1e-7
+    for (_, before, y), (_, after, later) in pairwise(seen):
+        ways = sorted((before, after))
+        slack = 0.02 * (abs(before) + abs(after)) + 5.0
+        assert ways[0] - slack <= (later - y) / CYCLE <= ways[1] + slack
+    if profile != 4 and not any(modulo):
+        assert y0 - 10.0 == pytest.approx(ratio * (x0 - 20.0), abs=1e-7)

@@ -43,7 +43,6 @@ def test_a_polynomial_meets_both_ends(begin, length, sense, first, last):
         assert (upper[1] - lower[1]) / (2.0 * step) == pytest.approx(curvature, abs=1e-4)
 
 
-@pytest.mark.requirement("SYN-120", "SYN-129")
 def test_a_way_from_a_bent_cam():
     """A cam is left where it is curved: the first cycle of the way out goes on with its velocity and
     acceleration, and the last ones end at rest, in position, velocity and acceleration.
