@@ -27,7 +27,7 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).resolve().parent
 PACKAGE = "motion_hil_core"
@@ -184,27 +184,14 @@ def compile_core(target: Path, work: Path, *, optimise: str, jobs: int, shipped:
         CoreError: It is not possible.
 
     """
-    try:
-        from mypyc.build import mypycify
-    except ImportError as error:
-        raise CoreError(f"mypy and setuptools are needed: {error}") from None
     modules = compiled_modules()
     before = _sources()
-    work.mkdir(parents=True, exist_ok=True)
-    os.chdir(ROOT)  # names of modules come from paths
-    extensions = mypycify(
-        ["--config-file", str(ROOT / "pyproject.toml"), "--follow-imports=silent", *map(_file_of, modules)],
-        opt_level=optimise,
-        debug_level="0",
-        multi_file=True,
-        target_dir=str(work),
-        group_name=PACKAGE,
-    )
+    extensions = _generated(modules, [digest for _, digest in before.values()], work)
     folder = work / PACKAGE  # in place of the present one when it is whole
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     (folder / "__init__.py").write_text('"""The compiled core of motion-hil."""\n', encoding="utf-8")
-    build = _Build(folder, work, jobs)
+    build = _Build(folder, work, optimise, jobs)
     for extension in extensions:
         build.extension(extension)
     manifest = {
@@ -216,6 +203,62 @@ def compile_core(target: Path, work: Path, *, optimise: str, jobs: int, shipped:
     shutil.rmtree(target / PACKAGE, ignore_errors=True)
     shutil.copytree(folder, target / PACKAGE)
     return modules
+
+
+_NOT_OURS = frozenset(("-Werror", "-O0", "-O1", "-O2", "-O3"))
+
+
+class _Extension(NamedTuple):
+    """An extension module that mypyc has written, or a library that several share."""
+
+    name: str
+    sources: list[str]
+    flags: list[str]
+    include: list[str]
+    """Folders of headers: those of mypyc itself relative to it."""
+
+
+def _generated(modules: Sequence[str], digests: Sequence[str], work: Path) -> list[_Extension]:
+    """Return what mypyc makes of the modules; of sources that have not changed it makes nothing again.
+
+    Raises:
+        CoreError: mypy or setuptools is missing.
+
+    """
+    try:
+        from mypy.version import __version__ as version
+        from mypyc.build import include_dir, mypycify
+    except ImportError as error:
+        raise CoreError(f"mypy and setuptools are needed: {error}") from None
+    key = hashlib.sha256(json.dumps([version, _suffix(), str(work), modules, digests]).encode()).hexdigest()
+    stamp = work / "generated.json"
+    if stamp.exists():
+        known = json.loads(stamp.read_text(encoding="utf-8"))
+        if known["key"] == key:
+            return [_Extension(*one) for one in known["extensions"]]
+        stamp.unlink()
+    work.mkdir(parents=True, exist_ok=True)
+    os.chdir(ROOT)  # names of modules come from paths
+    made = mypycify(
+        ["--config-file", str(ROOT / "pyproject.toml"), "--follow-imports=silent", *map(_file_of, modules)],
+        debug_level="0",
+        multi_file=True,
+        target_dir=str(work),
+        group_name=PACKAGE,
+    )
+    own = include_dir()
+    extensions = [
+        _Extension(
+            one.name,
+            list(one.sources),
+            # What a compiler warns of in generated code helps nobody.
+            [flag for flag in one.extra_compile_args if flag.startswith("-") and flag not in _NOT_OURS],
+            [os.path.relpath(path, own) if path.startswith(own) else path for path in one.include_dirs],
+        )
+        for one in made
+    ]
+    stamp.write_text(json.dumps({"key": key, "extensions": extensions}), encoding="utf-8")
+    return extensions
 
 
 def _suffix() -> str:
@@ -238,27 +281,30 @@ def _sources() -> dict[str, tuple[int, str]]:
 class _Build:
     """Compiles and links; an object file that was made from the same text is taken again."""
 
-    def __init__(self, folder: Path, work: Path, jobs: int) -> None:
+    def __init__(self, folder: Path, work: Path, optimise: str, jobs: int) -> None:
+        from mypyc.build import include_dir
+
         self._folder = folder
         self._objects = work / "objects"
         self._objects.mkdir(exist_ok=True)
         self._compiler = shlex.split(os.environ.get("CC") or str(sysconfig.get_config_var("CC") or "cc"))
+        self._optimise = f"-O{optimise}"
+        self._headers_of_mypyc = include_dir()
         self._headers = hashlib.sha256(
             b"".join(path.read_bytes() for path in sorted(work.glob("*.h")))
         ).hexdigest()
         self._jobs = jobs
 
-    def extension(self, extension: Any) -> None:
+    def extension(self, extension: _Extension) -> None:
         """Make one extension module."""
-        flags = [flag for flag in extension.extra_compile_args if flag]
-        includes = [
-            f"-I{sysconfig.get_paths()['include']}",
-            *(f"-I{path}" for path in extension.include_dirs),
+        include = [str(Path(self._headers_of_mypyc, path)) for path in extension.include]
+        flags = [
+            self._optimise,
+            *extension.flags,
+            *(f"-I{path}" for path in (sysconfig.get_paths()["include"], *include)),
         ]
         with ThreadPoolExecutor(self._jobs) as pool:
-            objects = list(
-                pool.map(lambda source: self._object(source, [*flags, *includes]), extension.sources)
-            )
+            objects = list(pool.map(lambda source: self._object(source, flags), extension.sources))
         file = self._folder / f"{extension.name.replace('.', '/')}{_suffix()}"
         file.parent.mkdir(parents=True, exist_ok=True)
         self._run([*self._compiler, "-shared", "-s", "-o", str(file), *objects])

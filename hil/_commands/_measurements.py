@@ -67,6 +67,25 @@ def with_dsc(config: BenchConfig) -> BenchConfig:
     return config.model_copy(update={"bench": bench, "axis": axes})
 
 
+def moving_benches() -> dict[str, BenchConfig]:
+    """Return the benches whose axes travel to and fro, by the names of their figures."""
+    from hil.bench import load_bench
+    from hil.bench.makes import with_nc_axes
+
+    reference = load_bench("reference")
+    nc = with_nc_axes(reference, "reference")
+    return {
+        "sim_factor_1axis_cia402_1ms": load_bench("fast").config,
+        "sim_factor_1axis_cia402_4ms": reference.config,
+        "sim_factor_4axes_cia402_4ms": with_axes(reference.config, 4),
+        "sim_factor_1axis_profidrive_dsc_1ms": with_dsc(load_bench("profidrive").config),
+        "sim_factor_1axis_modbus_tcp_4ms": load_bench("profidrive_tcp").config,
+        "sim_factor_1axis_cia402_2ms": with_axes(reference.config, 1, cycle_ms=2),
+        "sim_factor_1axis_nc_2ms": with_axes(nc.config, 1, cycle_ms=2),
+        "sim_factor_4axes_cia402_2ms": with_axes(reference.config, 4, cycle_ms=2),
+    }
+
+
 class MovingBench:
     """A bench whose axes travel to and fro, everything recorded; `advance` is what is timed."""
 

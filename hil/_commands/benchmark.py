@@ -16,11 +16,10 @@ from hil._commands._measurements import (
     can_ports,
     cost_per_axis,
     geared_speed,
+    moving_benches,
     position_plans,
     sdo_uploads,
     speed,
-    with_axes,
-    with_dsc,
 )
 from hil._commands._modbus_measurement import modbus_requests
 from hil._commands.terminal import CaseProgress, print_json, quiet_stdout
@@ -63,23 +62,11 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
 
     """
     from hil.bench import load_bench
-    from hil.bench.makes import with_nc_axes
 
     figures: list[Figure] = []
     with quiet_stdout(as_json), CaseProgress(15, "benchmark") as progress:
-        fast, reference = load_bench("fast").config, load_bench("reference")
-        nc = with_nc_axes(reference, "reference")
-        benches = [
-            ("sim_factor_1axis_cia402_1ms", fast),
-            ("sim_factor_1axis_cia402_4ms", reference.config),
-            ("sim_factor_4axes_cia402_4ms", with_axes(reference.config, 4)),
-            ("sim_factor_1axis_profidrive_dsc_1ms", with_dsc(load_bench("profidrive").config)),
-            ("sim_factor_1axis_modbus_tcp_4ms", load_bench("profidrive_tcp").config),
-            ("sim_factor_1axis_cia402_2ms", with_axes(reference.config, 1, cycle_ms=2)),
-            ("sim_factor_1axis_nc_2ms", with_axes(nc.config, 1, cycle_ms=2)),
-            ("sim_factor_4axes_cia402_2ms", with_axes(reference.config, 4, cycle_ms=2)),
-        ]
-        for number, (name, config) in enumerate(benches):
+        reference = load_bench("reference")
+        for number, (name, config) in enumerate(moving_benches().items()):
             progress.step(number, name)
             gc.collect()
             factor, load = speed(config, seconds)
