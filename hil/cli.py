@@ -247,6 +247,10 @@ def run(
     watch_port: Annotated[
         int, typer.Option("--watch-port", min=0, max=65535, help="Port of its page; 0: any that is free.")
     ] = 0,
+    unread: Annotated[
+        bool,
+        typer.Option("--unread", help="List the recorded signals that no case and no check looked at."),
+    ] = False,
     evidence: EvidenceOption = "failed",
     history: HistoryOption = "",
     summary: SummaryOption = "",
@@ -282,6 +286,7 @@ def run(
         catalogue=catalogue,
         configurations=configurations,
         controllers=controllers,
+        unread=unread,
         verbose=verbose,
         watch_port=watch_port if watch else None,
     )

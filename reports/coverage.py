@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import Final
 
 from reports.model import CaseResult, FaultRecord, RunResult, Verdict
@@ -224,6 +225,28 @@ def fault_stop_matrix(run: RunResult) -> Matrix:
     ]
     ordered = sorted({*always, "MC_Halt", *(columns - {NO_STOP})}) + [NO_STOP] * (NO_STOP in columns)
     return Matrix([NO_FAULT, *fault_kinds(run)], ordered, cells)
+
+
+def not_looked_at(run: RunResult) -> list[str]:
+    """Return the recorded signals that no case and no check of a run has looked at, sorted: the run does not
+    notice what goes wrong in them.
+    """
+    seen = {name for case in run.cases for name in case.looked_at}
+    return sorted({name for case in run.cases for name in case.not_looked_at} - seen)
+
+
+def value_pairs(run: RunResult) -> tuple[int, int]:
+    """Return how many pairs of values of two factors the configurations of the judged cases have, and how
+    many more only cases have that were blocked or broke.
+    """
+    judged: set[tuple[tuple[str, str], tuple[str, str]]] = set()
+    every: set[tuple[tuple[str, str], tuple[str, str]]] = set()
+    for case in run.cases:
+        pairs = set(combinations(sorted(case.configuration.items()), 2))
+        every |= pairs
+        if case.verdict in (Verdict.PASSED, Verdict.FAILED):
+            judged |= pairs
+    return len(judged), len(every - judged)
 
 
 def with_stop(run: RunResult, mode: str) -> RunResult:

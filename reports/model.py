@@ -210,6 +210,12 @@ class CaseResult:
     """Make of the controller where the user asked for it: `s7` or `nc`; empty: that of the bench."""
     reaction: Reaction | None = None
     """What the axis made of the fault or stop, where the user asked for makes of controllers."""
+    looked_at: list[str] = field(default_factory=list)
+    """Recorded signals that the case or a check has looked at, sorted."""
+    not_looked_at: list[str] = field(default_factory=list)
+    """Recorded signals that nobody has looked at, sorted."""
+    configuration: dict[str, str] = field(default_factory=dict)
+    """Values by name of the factor of the configuration that it ran on; empty: a bench of its own."""
 
 
 class Earlier(NamedTuple):

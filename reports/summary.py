@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from reports.coverage import prefix_totals, requirement_matrix
+from reports.coverage import not_looked_at, prefix_totals, requirement_matrix, value_pairs
 from reports.json_types import JsonObject
 from reports.model import RunResult, Verdict
 from reports.text import check_sentence, headline, run_state
@@ -74,6 +74,8 @@ def full_summary(
         **({} if changes is None else {"changes": dict(changes)}),
         "simulated_s": _finite(math.fsum(case.simulated_s for case in run.cases)),
         "wall_s": _finite(math.fsum(case.wall_s for case in run.cases)),
+        "not_looked_at": not_looked_at(run),
+        "value_pairs": value_pairs(run)[0],
         "requirements": {
             total.prefix: {
                 "known": total.known,

@@ -35,6 +35,7 @@ from hil.configurations import differing
 from hil.errors import CannotRunError
 from hil.protocols import kind_of
 from reports import Background, ReportPaths, replay_command, summary, write_report
+from reports.coverage import not_looked_at
 from reports.model import CaseResult, Earlier, RunResult, Verdict
 from reports.store import RUN_FILE, load_run
 
@@ -75,6 +76,8 @@ class RunRequest:
     """Where the markdown summary goes; empty: nowhere."""
     verbose: bool = False
     """A line for each case."""
+    unread: bool = False
+    """List the recorded signals that nothing has looked at."""
     catalogue: Path | None = None
     """Requirements of the user, which lead the report."""
     configurations: str = ""
@@ -307,6 +310,14 @@ def run_selected(cases: list[Selected], request: RunRequest, own: Sequence[Requi
     if request.as_json:
         print_json(summary(run, report=str(paths.report), junit=str(paths.junit)))
     tell(run, paths, background)
+    if request.unread:
+        names = not_looked_at(run)
+        console().print(
+            f"{len(names)} recorded signals that nothing looked at: {', '.join(names)}"
+            if names
+            else "every recorded signal was looked at",
+            markup=False,
+        )
     if request.budget_s and run.interrupted:
         console().print(skipped(run, mine), style="bold yellow", markup=False)
     return exit_code(run)

@@ -695,6 +695,7 @@ class Bench:
             constants=trace.constants,
             end_ns=trace.end_ns,
             vocabulary=trace.vocabulary,
+            looked_at=trace.looked_at,
         )
 
     def record_calls(self) -> CallLog:

@@ -176,6 +176,8 @@ def _run_once(case: Case, bench_file: BenchFile[Bench], settings: CaseSettings) 
             context.faults.note_waiting()
             trace = context.trace()
             judged = _judge(case, context, trace, result)
+            result.looked_at = sorted(trace.looked_at)
+            result.not_looked_at = sorted(set(trace.names()) - trace.looked_at)
             if result.verdict is Verdict.FAILED:
                 late_s = _lateness(bench)
                 result.message = "; ".join([result.message, *context.faults.waiting_summary()])

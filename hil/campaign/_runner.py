@@ -261,6 +261,7 @@ class Runner:
             )
 
     def _keep(self, result: CaseResult) -> None:
+        result.configuration = dict(self._cases[result.identifier].configuration)
         if self._options.directory is not None:
             result = write_case(self._options.directory, result)
             pack_case(result)

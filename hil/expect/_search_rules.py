@@ -303,6 +303,9 @@ def _drifted(trace: Trace, axis: str, drive: str, scale: float) -> tuple[float, 
         )
     )
     margin = speed * 4 * trace.constants.get(f"{axis}.cycle_s", 0.004) + 0.05
+    if trace.constants.get(f"{axis}.Sensor[1].Backlash.Enable"):
+        # What is added to the position by the direction of motion.
+        margin += trace.constants.get(f"{axis}.Sensor[1].Backlash.Size", 0.0)
     known = linked & ~disturbed & ~np.isnan(true) & ~np.isnan(speed)
     offset: float | None = None
     settle = 0

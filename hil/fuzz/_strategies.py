@@ -327,10 +327,6 @@ def identifiers_of(bench: Bench) -> dict[str, int]:
     return {} if isinstance(bench.segment(), ModbusSegment) else bench.cob_ids(name)
 
 
-def _same(step: Step) -> Step:
-    return step
-
-
 def steps(
     kinds: Sequence[str],
     ids: dict[str, int],
@@ -347,11 +343,12 @@ def steps(
 
     """
     waits: SearchStrategy[Step] = _grid(1, 30, 0.02).map(Wait)
-    # Mapped, because nested choices would be flattened: a job, a wait and a fault are to be equally likely.
-    faults = st.one_of([_fault(kind, ids) for kind in kinds]).map(_same)
+    # Each counts once, however many kinds it has: nested choices would be flattened, and nearly every step a
+    # fault.
+    faults = _whole(st.one_of([_fault(kind, ids) for kind in kinds]))
+    # Instructions twice: a fault needs a motion that it disturbs, and several axes have to come together.
     if not axes:
-        return st.one_of(_jobs(jobs).map(_same), waits, faults)
-    # Instructions twice: several axes have to come together.
+        return st.one_of(_whole(_jobs(jobs)), _whole(_jobs(jobs)), waits, faults)
     given = _whole(st.one_of([_of_axis(one) for one in axes]))
     aimed = st.builds(_aimed, faults, st.sampled_from(list(axes)))
     return st.one_of(given, _whole(given), waits, aimed)

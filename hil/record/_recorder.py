@@ -160,6 +160,7 @@ class Recorder:
         self._groups: dict[str, Group] = {}
         self._buses: dict[str, Callable[[], FrameLog]] = {}
         self._constants: dict[str, float] = {}
+        self._looked_at: set[str] = set()
 
     def add_group(
         self,
@@ -259,6 +260,7 @@ class Recorder:
             constants=self._constants,
             end_ns=self._scheduler.now,
             vocabulary=vocabulary,
+            looked_at=self._looked_at,
         )
 
     def _group(self, name: str) -> Group:

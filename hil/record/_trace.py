@@ -171,6 +171,8 @@ class Trace:
         constants: Facts of the bench for judges of the trace.
         end_ns: Time at which the trace was taken.
         vocabulary: Names and values that can be in it; None if they are not known.
+        looked_at: Names of the signals that somebody has asked for, in this or another trace of the same run;
+            this one adds to them.
 
     """
 
@@ -183,6 +185,7 @@ class Trace:
         constants: Mapping[str, float] | None = None,
         end_ns: int = 0,
         vocabulary: Vocabulary | None = None,
+        looked_at: set[str] | None = None,
     ) -> None:
         self._groups = {group.name: group for group in groups}
         self.events: tuple[Event, ...] = tuple(events)
@@ -196,6 +199,7 @@ class Trace:
         self.constants: dict[str, float] = dict(constants or {})
         self.end_ns = end_ns
         self.vocabulary = vocabulary
+        self.looked_at: set[str] = set() if looked_at is None else looked_at
 
     def __getitem__(self, name: str) -> Signal:
         """Return the signal `component.column`.
@@ -224,6 +228,7 @@ class Trace:
                         time_s, values = _chosen(time_s, known), _chosen(values, known)
                     signal = Signal(name, unit, time_s, values, enum)
                     self._signals[name] = signal
+                    self.looked_at.add(name)
                     return signal
         if self.vocabulary is not None and name in self.vocabulary.absent:
             raise NotRecordedError(f"{self.vocabulary.origin} does not hold the signal {name}")
@@ -390,6 +395,7 @@ class Trace:
             constants=self.constants,
             end_ns=min(self.end_ns, end),
             vocabulary=self.vocabulary,
+            looked_at=self.looked_at,
         )
 
     def without_frames(self) -> Trace:
@@ -400,6 +406,7 @@ class Trace:
             constants=self.constants,
             end_ns=self.end_ns,
             vocabulary=self.vocabulary,
+            looked_at=self.looked_at,
         )
 
     def digest(self) -> str:

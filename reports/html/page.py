@@ -24,9 +24,11 @@ from reports.coverage import (
     fault_reaction_matrix,
     fault_state_matrix,
     fault_stop_matrix,
+    not_looked_at,
     prefix_totals,
     requirement_matrix,
     stop_modes,
+    value_pairs,
     with_stop,
 )
 from reports.html.bundle import EMBEDDED_LIMIT, Bundle, pack
@@ -364,4 +366,18 @@ def _facts(run: RunResult) -> list[tuple[str, str]]:
         ("Trace digest", run_digest(run)),
         ("Cases", str(len(run.cases))),
         ("Interrupted", "yes, cases are missing" if run.interrupted else "no"),
+        *_reach(run),
     ]
+
+
+def _reach(run: RunResult) -> list[tuple[str, str]]:
+    """Return what the run has not looked at, and how different its machines were."""
+    rows = []
+    unseen = not_looked_at(run)
+    if unseen:
+        rows.append(("Signals that no check looked at", ", ".join(unseen)))
+    pairs, missed = value_pairs(run)
+    if pairs or missed:
+        more = f"; {missed} more in cases that were blocked or broke" if missed else ""
+        rows.append(("Pairs of values of the configurations", f"{pairs}{more}"))
+    return rows

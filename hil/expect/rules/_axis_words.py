@@ -87,6 +87,7 @@ RESERVED: Final = Rule(
     requirements=("VAR-226", "TA-022"),
     tolerance="none",
     judge=_reserved,
+    live=True,
 )
 
 
@@ -126,6 +127,7 @@ MOTION_BITS: Final = Rule(
     judge=_motion_bits,
     excused_by=("controller.",),
     recovery_cycles=3,
+    live=True,
 )
 
 
@@ -217,6 +219,7 @@ ERROR_WORD: Final[Rule[AxisView]] = Rule(
     judge=lambda axis: _word_of_alarms(axis, "error_word", _ERROR_BITS),
     excused_by=("controller.",),
     recovery_cycles=3,
+    live=True,
 )
 WARNING_WORD: Final[Rule[AxisView]] = Rule(
     name="WarningWord",
@@ -226,6 +229,7 @@ WARNING_WORD: Final[Rule[AxisView]] = Rule(
     judge=lambda axis: _word_of_alarms(axis, "warning_word", _WARNING_BITS),
     excused_by=("controller.",),
     recovery_cycles=3,
+    live=True,
 )
 
 
@@ -271,6 +275,7 @@ ERROR_DETAIL: Final = Rule(
     judge=_error_detail,
     excused_by=("controller.",),
     recovery_cycles=3,
+    live=True,
 )
 
 
@@ -296,6 +301,7 @@ REACTION: Final = Rule(
     tolerance="none",
     judge=_reaction,
     excused_by=("axis.alarm",),
+    live=True,
 )
 
 
@@ -357,6 +363,7 @@ COMMAND_BITS: Final = Rule(
     judge=_command_bits,
     excused_by=("controller.",),
     recovery_cycles=3,
+    live=True,
 )
 
 
@@ -387,6 +394,7 @@ ENABLE_BIT: Final = Rule(
     judge=_enable_bits,
     excused_by=("controller.",),
     recovery_cycles=3,
+    live=True,
 )
 
 
@@ -413,6 +421,7 @@ DONE_BIT: Final = Rule(
     judge=_done_bit,
     excused_by=("controller.",),
     recovery_cycles=3,
+    live=True,
 )
 
 

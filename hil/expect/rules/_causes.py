@@ -61,6 +61,7 @@ PERMITTED_ERROR: Final = Rule(
     judge=_permitted_error,
     excused_by=("controller.",),
     recovery_cycles=3,
+    live=True,
 )
 
 
@@ -281,6 +282,7 @@ LIMIT_ALARMS: Final = Rule(
     judge=_limit_alarms,
     excused_by=("axis.alarm",),
     recovery_s=0.1,
+    live=True,
 )
 
 

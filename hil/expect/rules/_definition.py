@@ -63,6 +63,9 @@ class Rule(Generic[View]):
     """For so long after such a fault, s."""
     recovery_cycles: int = 0
     """And for so many cycles of the bench."""
+    live: bool = False
+    """It compares what one recorder has noted of one instant, and counts no cycles: it judges live benches
+    too, where controller and drives are processes with clocks of their own."""
 
 
 class Excuses:

@@ -75,6 +75,7 @@ STATE_WORD: Final = Rule(
     judge=_state_word,
     excused_by=_SHOWN_BY_FAULTS,
     recovery_cycles=3,
+    live=True,
 )
 
 
@@ -135,6 +136,7 @@ REMOTE_BIT: Final = Rule(
     judge=_remote_bit,
     excused_by=(*_SHOWN_BY_FAULTS, "drive.local_control"),
     recovery_cycles=3,
+    live=True,
 )
 
 _SUPPLY: Final = (
@@ -384,6 +386,7 @@ EMCY_REGISTER: Final = Rule(
     judge=_emcy_register,
     excused_by=("drive.emcy_storm",),
     recovery_s=1e9,
+    live=True,
 )
 
 

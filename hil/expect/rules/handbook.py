@@ -18,9 +18,10 @@ _BLOCK: Final = re.compile(r"(<!-- trace rules -->\n).*?(<!-- end of trace rules
 
 def table() -> str:
     """Return the Markdown table of the rules."""
-    lines = ["| rule | what has to hold | within | requirements |", "|---|---|---|---|"]
+    lines = ["| rule | what has to hold | within | live | requirements |", "|---|---|---|---|---|"]
     lines += [
-        f"| {rule.name} | {rule.says} | {rule.tolerance} | {', '.join(rule.requirements)} |"
+        f"| {rule.name} | {rule.says} | {rule.tolerance} | {'yes' if rule.live else ''} | "
+        f"{', '.join(rule.requirements)} |"
         for rule in ALL_RULES
     ]
     return "\n".join(lines)

@@ -337,3 +337,23 @@ def test_a_case_that_differs_names_the_first_difference():
     assert result.verdict is Verdict.ERROR
     assert "not repeatable: first difference at 0.070000 s event bench.noise of bench" in result.message
     assert next(check for check in result.checks if check.name == "repeatable").time_s == pytest.approx(0.07)
+
+
+def test_a_result_says_which_signals_were_looked_at():
+    """A signal that the case, an expectation or a rule reads is not among the others; each is in one list."""
+
+    def reads(ctx):
+        """It looks at a torque."""
+        enable(ctx)
+        ctx.trace()["drive1.torque"]
+
+    def does_not(ctx):
+        """It does not."""
+        enable(ctx)
+
+    for function, seen in ((reads, True), (does_not, False)):
+        result = run(function)
+        assert ("drive1.torque" in result.looked_at) is seen
+        assert ("drive1.torque" in result.not_looked_at) is not seen
+        assert not set(result.looked_at) & set(result.not_looked_at)
+        assert "axis1.state" in result.looked_at

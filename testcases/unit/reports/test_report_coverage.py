@@ -18,6 +18,7 @@ from reports import (
     prefix_totals,
     requirement_matrix,
 )
+from reports.coverage import not_looked_at, value_pairs
 
 
 def make(*cases: CaseResult, **more) -> RunResult:
@@ -151,3 +152,24 @@ def test_totals_per_family_add_up():
         0,
     )
     assert (c402.prefix, c402.known, c402.passed, c402.orphaned) == ("C402", 0, 1, 1)
+
+
+def test_what_nobody_has_looked_at_is_what_no_case_has():
+    """A signal that one case has looked at is not unread, whatever the others did."""
+    run = make(
+        CaseResult("a", "A", Verdict.PASSED, looked_at=["x.v"], not_looked_at=["x.s", "d.torque"]),
+        CaseResult("b", "B", Verdict.FAILED, looked_at=["x.s"], not_looked_at=["x.v", "d.inputs"]),
+    )
+    assert not_looked_at(run) == ["d.inputs", "d.torque"]
+    assert not_looked_at(make()) == []
+
+
+def test_pairs_of_values_are_those_of_judged_cases():
+    """Every two values of different factors count once; a blocked case adds to those that are missed."""
+    run = make(
+        CaseResult("a", "A", Verdict.PASSED, configuration={"bus": "can", "unit": "mm", "jerk": "none"}),
+        CaseResult("b", "B", Verdict.FAILED, configuration={"bus": "can", "unit": "in", "jerk": "none"}),
+        CaseResult("c", "C", Verdict.BLOCKED, configuration={"bus": "can", "unit": "um", "jerk": "none"}),
+    )
+    assert value_pairs(run) == (5, 2)
+    assert value_pairs(make()) == (0, 0)

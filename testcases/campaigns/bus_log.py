@@ -1,0 +1,225 @@
+"""What the bus log says: every service of a CANopen node in words, from its frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from fieldbus.can import CanFrame
+from fieldbus.canopen import NmtCommand
+from hil.campaign import Campaign, CaseContext
+from testcases.campaigns._led_servo import NODE, Node
+from testcases.campaigns.support import equal
+
+CAMPAIGN: Final = Campaign("bus log", tags=("canopen",), bench="testcases.campaigns._led_servo:BENCH")
+SERVER: Final = 0x600 + NODE
+
+
+class Log:
+    """The words for the frames on the bus.
+
+    Args:
+        ctx: The case.
+
+    """
+
+    def __init__(self, ctx: CaseContext) -> None:
+        self._ctx = ctx
+        self._begin = len(ctx.trace().frames)
+
+    def texts(self, *cob_ids: int) -> list[str]:
+        """Return what has come since the last call, of some identifiers or of all."""
+        frames = ctx_frames = self._ctx.trace().frames
+        new = ctx_frames[self._begin :]
+        self._begin = len(frames)
+        return [
+            str(self._ctx.bench.decode(CanFrame(one.can_id, one.data)))
+            for one in new
+            if not cob_ids or one.can_id in cob_ids
+        ]
+
+    def says(self, wanted: Sequence[str], *cob_ids: int) -> None:
+        """Expect these texts since the last call, of these identifiers, in this order."""
+        found = self.texts(*cob_ids)
+        for place, text in enumerate(wanted):
+            have = found[place] if place < len(found) else "nothing"
+            equal(self._ctx, f"line {place + 1} is {text!r} (it is {have!r})", have == text, 1)
+        equal(self._ctx, f"number of lines {found}", len(found), len(wanted))
+
+
+def started(ctx: CaseContext) -> tuple[Node, Log]:
+    """Return the node behind its boot-up, and the log from then on."""
+    node = Node(ctx)
+    ctx.run_for(0.05)
+    return node, Log(ctx)
+
+
+_SDO: Final = (SERVER, 0x580 + NODE)
+
+
+@CAMPAIGN.case("sdo/expedited")
+def expedited(ctx: CaseContext) -> None:
+    """Reading and writing of up to four bytes: object, name, value, and the abort with its reason."""
+    node, log = started(ctx)
+    node.download(0x6083, 0, (12345).to_bytes(4, "little"))
+    log.says(
+        [
+            "SDO drive1 write 6083h Profile acceleration = 12345",
+            "SDO drive1 written 6083h Profile acceleration",
+        ],
+        *_SDO,
+    )
+    node.upload(0x6083)
+    log.says(
+        ["SDO drive1 read 6083h Profile acceleration", "SDO drive1 read 6083h Profile acceleration = 12345"],
+        *_SDO,
+    )
+    node.upload(0x6041)
+    log.says(
+        ["SDO drive1 read 6041h Statusword", "SDO drive1 read 6041h Statusword = 0250h (Switch on disabled)"],
+        *_SDO,
+    )
+    node.upload(0x5FFF)
+    log.says(["SDO drive1 read 5FFFh", "SDO drive1 abort 06020000h object does not exist (5FFFh)"], *_SDO)
+    node.download(0x1000, 0, bytes(4))
+    log.says(
+        [
+            "SDO drive1 write 1000h Device type = 0",
+            "SDO drive1 abort 06010002h read-only (1000h Device type)",
+        ],
+        *_SDO,
+    )
+    node.send(SERVER, bytes((0x80, 0x41, 0x60, 0, 0, 0, 4, 5)))
+    log.says(["SDO drive1 abort by client 05040000h transfer timed out (6041h Statusword)"], *_SDO)
+
+
+@CAMPAIGN.case("sdo/segmented")
+def segmented(ctx: CaseContext) -> None:
+    """Every segment is one, the last one shows the whole text."""
+    node, log = started(ctx)
+    node.upload(0x1008)
+    begin = "SDO drive1 read 1008h Device name"
+    log.says(
+        [
+            begin,
+            f"{begin} segmented, 28 bytes",
+            *["SDO drive1 next segment", "SDO drive1 segment"] * 3,
+            "SDO drive1 next segment",
+            "SDO drive1 segment, last: 1008h Device name = 'Emulated servo drive CiA 402'",
+        ],
+        *_SDO,
+    )
+
+
+@CAMPAIGN.case("sdo/blocks")
+def blocks(ctx: CaseContext) -> None:
+    """A block upload: request, length, numbered segments, receipt, checksum, end."""
+    node, log = started(ctx)
+    for request in (
+        bytes((0xA4, 8, 0x10, 0, 127, 0, 0, 0)),
+        bytes((0xA3,)).ljust(8, b"\0"),
+        bytes((0xA2, 4, 127)).ljust(8, b"\0"),
+        bytes((0xA1,)).ljust(8, b"\0"),
+    ):
+        node.send(SERVER, request)
+        ctx.run_for(0.02)
+    log.says(
+        [
+            "SDO drive1 read 1008h Device name in blocks of 127",
+            "SDO drive1 read 1008h Device name in blocks, 28 bytes",
+            "SDO drive1 block start",
+            "SDO drive1 block segment 1",
+            "SDO drive1 block segment 2",
+            "SDO drive1 block segment 3",
+            "SDO drive1 block segment 4, last",
+            "SDO drive1 block received up to 4",
+            "SDO drive1 block end, CRC",
+            "SDO drive1 block end",
+        ],
+        *_SDO,
+    )
+
+
+@CAMPAIGN.case("states")
+def states(ctx: CaseContext) -> None:
+    """NMT commands with their node, heartbeats with the state, boot-up, SYNC and TIME."""
+    node, log = started(ctx)
+    node.download(0x1017, 0, (20).to_bytes(2, "little"))
+    ctx.run_for(0.03)
+    log.texts()
+    for command, words, state in (
+        (NmtCommand.START, "NMT start node 5", "Operational"),
+        (NmtCommand.STOP, "NMT stop node 5", "Stopped"),
+        (NmtCommand.ENTER_PRE_OPERATIONAL, "NMT enter pre-operational node 5", "Pre-operational"),
+    ):
+        node.nmt(command)
+        log.texts(0x700 + NODE)
+        ctx.run_for(0.021)
+        log.says([f"heartbeat drive1 {state}"], 0x700 + NODE)
+        node.nmt(command)
+        log.says([words], 0)
+    node.nmt(NmtCommand.RESET_NODE)
+    ctx.run_for(0.3)
+    found = log.texts(0, 0x700 + NODE)
+    equal(ctx, f"reset and boot-up in {found}", {"NMT reset node 5", "boot-up drive1"} <= set(found), 1)
+    node.send(0x80, b"")
+    log.says(["SYNC"], 0x80)
+    node.send(0x100, bytes(6))
+    log.says(["TIME"], 0x100)
+
+
+@CAMPAIGN.case("pdo")
+def pdo(ctx: CaseContext) -> None:
+    """Process data with names and values; a frame that is too short, its error, and what nobody knows."""
+    node, log = started(ctx)
+    node.nmt(NmtCommand.START)
+    log.texts()
+    node.send(0x200 + NODE, bytes((0x06, 0x00)))
+    found = log.texts(0x200 + NODE, 0x180 + NODE)
+    equal(
+        ctx,
+        f"both words are in {found}",
+        found
+        == [
+            "RPDO1 drive1: Controlword 0006h (shutdown)",
+            "TPDO1 drive1: Statusword 0231h (Ready to switch on)",
+        ],
+        1,
+    )
+    node.send(0x200 + NODE, b"\x0f")
+    log.says(
+        [
+            "RPDO1 drive1: too short, 1 byte more",
+            "EMCY drive1 8210h PDO not processed, too short, register 11h",
+        ],
+        0x200 + NODE,
+        0x80 + NODE,
+    )
+    node.send(0x333, bytes((1, 2)))
+    found = log.texts(0x333)
+    equal(
+        ctx, f"a frame of nobody: {found}", bool(found) and "333" in found[0] and "drive1" not in found[0], 1
+    )
+
+
+@CAMPAIGN.product(
+    "emcy/{code:04x}",
+    parameters=[
+        {"code": 0x2310, "words": "continuous overcurrent", "register": 0x03},
+        {"code": 0x3210, "words": "DC link overvoltage", "register": 0x05},
+    ],
+    title="EMCY {code:04X}h in the log",
+)
+def emergency(ctx: CaseContext, code: int, words: str, register: int) -> None:
+    """Code, words and register of the error; the end of it is one too."""
+    node, log = started(ctx)
+    ctx.inject("drive.fault", "drive1", code=code)
+    ctx.run_for(0.05)
+    log.says([f"EMCY drive1 {code:04X}h {words}, register {register:02X}h"], 0x80 + NODE)
+    for word in (0x00, 0x80):
+        node.control(word)
+    ctx.run_for(0.05)
+    found = log.texts(0x80 + NODE)
+    equal(
+        ctx, f"the end of the error in {found}", bool(found) and found[-1].startswith("EMCY drive1 0000h"), 1
+    )
