@@ -64,6 +64,7 @@ SHIPPED: Final = (
     ShippedCampaign("cia402_drive", seeding=("own",)),
     ShippedCampaign("cia402_modes", seeding=("own",)),
     ShippedCampaign("canopen_services", seeding=("own",)),
+    ShippedCampaign("bus_log", seeding=("own",)),
     ShippedCampaign("node_guarding", seeding=("own",)),
     ShippedCampaign("nc_axes", seeding=("own",)),
     ShippedCampaign("nc_machines", seeding=("own",)),

@@ -66,7 +66,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "nc-enable-lost-silently",
         "Losing the controller enable in motion is no error",
-        f"{_AXIS}._take_enable",
+        f"{_AXIS}.cycle",
         "self.raise_error(NO_CONTROLLER_ENABLE)",
         "self.motion.abort(CommandState.ABORTED, NO_ERROR)",
         ids=("NC-733",),

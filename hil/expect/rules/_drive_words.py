@@ -457,6 +457,34 @@ ACKNOWLEDGED: Final = Rule(
     recovery_cycles=5,
 )
 
+
+def _error_code(drive: DriveView) -> Judged | None:
+    if not drive.has("error_code", "state"):
+        return None
+    code = drive.word("error_code")
+    events = drive.whole.events.of(drive.name, "emcy.raised", "drive.fault")
+    first = drive.index_of(events[0].time_ns) if events else len(code)
+    before = np.arange(len(code)) < first - 1
+    inside = last_true(drive.in_states("fault"), 2)
+    broken = (before & (code != 0)) | (inside & (code == 0))
+    return Judged(
+        drive.time_s,
+        before | inside,
+        broken,
+        lambda at: f"603Fh = {code[at]:04X}h {'in the state Fault' if inside[at] else 'before any error'}",
+    )
+
+
+ERROR_CODE: Final = Rule(
+    name="error code",
+    says="603Fh is 0 as long as there was no error, and names one in the state Fault",
+    requirements=("C402-014", "C402-176"),
+    tolerance="two samples",
+    judge=_error_code,
+    excused_by=("drive.boot",),
+    recovery_cycles=3,
+)
+
 DRIVE_RULES: Final[tuple[Rule[DriveView], ...]] = (
     STATE_WORD,
     WARNING_BIT,
@@ -469,4 +497,5 @@ DRIVE_RULES: Final[tuple[Rule[DriveView], ...]] = (
     EMCY_REGISTER,
     EMCY_FRAMES,
     ACKNOWLEDGED,
+    ERROR_CODE,
 )

@@ -96,6 +96,10 @@ def _setpoint_velocity(axis: AxisView) -> Judged | None:
         low, high = -_widest(-low, 2 * axis.ratio - 1), _widest(high, 2 * axis.ratio - 1)
         slack_of_curve = 0.25 * np.maximum(np.abs(low), np.abs(high))
         low, high = low - slack_of_curve, high + slack_of_curve
+        # A ramp that begins and ends between two calls of the interpolator does not show in the acceleration.
+        hidden = (low == 0.0) & (high == 0.0)
+        steepest = _steepest(axis)[1:] * cycle_s * (1.0 + _ROUNDING)
+        low, high = np.where(hidden, -steepest, low), np.where(hidden, steepest, high)
     gained = np.diff(v)
     # A ramp that begins and ends within two cycles shows in the neighbours.
     calm = np.abs(np.diff(a, prepend=a[0])) * cycle_s
@@ -115,11 +119,27 @@ def _setpoint_velocity(axis: AxisView) -> Judged | None:
     )
 
 
+def _steepest(axis: AxisView) -> Numbers:
+    """Return the greatest acceleration that the limits allow, in every cycle; endless where it is unknown."""
+    paths = (
+        "DynamicLimits.MaxAcceleration",
+        "DynamicLimits.MaxDeceleration",
+        "DynamicDefaults.EmergencyDeceleration",
+    )
+    values = [axis.number_over_time(path) for path in paths]
+    known = [one for one in values if one is not None]
+    if len(known) < len(paths):
+        return np.full(len(axis.time_s), np.inf)
+    found: Numbers = np.max(known, axis=0)
+    return found
+
+
 SETPOINT_VELOCITY: Final = Rule(
     name="velocity setpoint",
     says="the velocity setpoint is the integral of the acceleration setpoint",
     requirements=("MC-568",),
-    tolerance="one change of the acceleration within the cycle or the two around it",
+    tolerance="one change of the acceleration within the cycle or the two around it; of a slower "
+    "interpolator a ramp between two of its calls",
     judge=_setpoint_velocity,
     excused_by=("controller.",),
     recovery_cycles=3,
@@ -361,11 +381,55 @@ OWN_ENCODER: Final = Rule(
 )
 
 
+_LIMITED: Final = 0.999
+"""An output beyond this share of the greatest speed may be limited."""
+
+
+def _control_law(axis: AxisView) -> Judged | None:
+    columns = ("velocity_setpoint", "control_difference", "speed_output", "status_word", "state", "stw1")
+    if not axis.has(*columns) or not axis.has_position or axis.drive is None:
+        return None
+    if not axis.off("PositionControl.EnableDSC") or not axis.off("SetpointFilter.DynamicFilter.Mode"):
+        return None
+    gain, precontrol = (axis.number_over_time(f"PositionControl.{name}") for name in ("Kv", "Kpc"))
+    unit_per_rpm = axis.whole.numbers.get(f"{axis.name}.unit_per_rpm")
+    top_rpm = axis.drive.number("max_speed_rpm")
+    if gain is None or precontrol is None or unit_per_rpm is None or not top_rpm:
+        return None
+    rpm, v = axis["speed_output"], axis["velocity_setpoint"]
+    law = (gain * axis["control_difference"] + precontrol * 0.01 * v) / unit_per_rpm
+    judged = axis.in_states(*CONTROLLED) & ~axis.bit(28) & (axis.word("stw1") & 1 != 0) & ~axis.simulated
+    judged &= (np.abs(rpm) < _LIMITED * top_rpm) & (np.abs(law) < _LIMITED * top_rpm)
+    events = axis.whole.events
+    changes = events.of(axis.name, "axis.state", "axis.sensor", "axis.homed", "alarm.raised", "job.active")
+    judged &= ~axis.near([*changes, *events.of(axis.name, "program.write")], 1, axis.ratio)
+    off = np.abs(rpm - law)
+    return Judged(
+        axis.time_s,
+        judged,
+        judged & (off > 1e-6 * (1.0 + np.abs(law))),
+        lambda at: f"the output is {rpm[at]:.6g} rpm, by gain and precontrol {law[at]:.6g} rpm",
+    )
+
+
+CONTROL_LAW: Final = Rule(
+    name="control law",
+    says="the speed that is output is Kv times the control difference plus Kpc times the velocity setpoint",
+    requirements=("CTL-038", "CTL-039"),
+    tolerance="rounding; not judged at the limit of the speed, with control in the drive or a dynamic "
+    "filter, nor in a cycle with a change of state or job",
+    judge=_control_law,
+    excused_by=("controller.",),
+    recovery_cycles=5,
+    live=True,
+)
+
 AXIS_RULES: Final[tuple[Rule[AxisView], ...]] = (
     SETPOINT_POSITION,
     SETPOINT_VELOCITY,
     ACTUAL_VELOCITY,
     FOLLOWING_ERROR,
+    CONTROL_LAW,
     OWN_ENCODER,
     SETPOINT_AT_ENABLING,
 )
