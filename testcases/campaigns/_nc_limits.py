@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from hil.campaign import CaseContext, Counterpart, NotApplicable
+from hil.errors import BlockedError
 from hil.expect import axis_error, command_refused, happens, no_axis_error, value_at
 from hil.record import event
 from motion.nc.blocks import HomingMode, JogMode
@@ -88,8 +89,14 @@ def _release(block: Any) -> None:
 def switch_case(ctx: CaseContext, kind: str, side: str, motion: str, pulses: int = 0) -> None:
     """The program takes an enable away at the switch; the axis stops, and leaves the switch backwards
     only.
+
+    Raises:
+        BlockedError: The switches do not reach the controller.
+
     """
     axis, name, drive = axis_of(ctx), axis_name(ctx), drive_name(ctx)
+    if ctx.bench.config.drive[drive].profile == "analog":
+        raise BlockedError(f"{drive} is an analog drive: no input brings its limit switches to the NC")
     power = enable(ctx)
     SwitchProgram(ctx, power, "feed" if kind == "braking" else "enable")
     running = set_in_motion(ctx, motion, SIGN[side])
@@ -101,7 +108,7 @@ def switch_case(ctx: CaseContext, kind: str, side: str, motion: str, pulses: int
         press = ctx.inject("switch.press", drive, input=f"{side}_limit")
     applied = event("fault.applied")
     # Without enable the axis coasts.
-    ctx.run_for((1.0 if kind == "braking" else 3.0) + settle_s(ctx))
+    ctx.run_for((1.8 if kind == "braking" else 3.0) + settle_s(ctx))
     ended = ctx.now_s
     at_rest(ctx, ended)
     within = FILTER_S + cycles(ctx, 5) + 0.014 * pulses

@@ -74,14 +74,15 @@ def test_preconditions(subtests):
             elif reason == "drive":
                 rig.handle.power(False)
                 rig.cycles(3)
+                rig.device.write = lambda outputs: None  # it does not come into operation
                 rig.device.operating = False
-                rig.device.fault = True
-                rig.device.keeps_following = False
                 rig.handle.power()
             else:
                 rig.until(rig.handle.gear_in(other.handle).in_gear)
             rig.cycles(3)
-            assert _enable(rig) != 0
+            code = _enable(rig)
+            assert code != 0
+            assert (code == 0x4650) is (reason == "drive")
             rig.cycles()
             assert not rig.status("ExtSetPointGenEnabled")
             if reason == "coupled":
