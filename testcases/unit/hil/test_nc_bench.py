@@ -1,5 +1,8 @@
 """An NC axis on a bench, on emulated drives of both profiles."""
 
+from itertools import pairwise
+
+import numpy as np
 import pytest
 
 from fieldbus.errors import ConfigurationError
@@ -7,6 +10,8 @@ from hil.bench import Bench, load_bench
 from hil.bench.bench_file import parse
 from hil.bench.makes import with_nc_axes
 from hil.bench.units import variables_in_units
+from hil.campaign import load_bench_file
+from hil.expect._words import has_torque
 from hil.faults import Injector
 
 pytestmark = pytest.mark.exhaustive
@@ -132,3 +137,51 @@ def test_a_technology_object_in_other_units():
             assert found.parameters[key] == pytest.approx(value, rel=1e-6), (units, key)
     turned = reference.configured({"axis": {"axis1": {"variables": {"Units.LengthUnit": 1005}}}})
     assert with_nc_axes(turned, "turned").config.nc_axes["axis1"].parameters["axis.unit"] == "deg"
+
+
+def _first(signal, since, holds):
+    """Return the time from `since` to the first sample behind it for which something holds, s."""
+    return next(
+        float(time) - since
+        for time, value in zip(signal.time_s, signal.values, strict=True)
+        if time > since and holds(value)
+    )
+
+
+@pytest.mark.requirement("NC-039")
+@pytest.mark.parametrize("profile", _PROFILES)
+def test_a_drive_that_loses_its_setpoints_stops_by_itself(profile):
+    """Without setpoints, in whatever state the NC is, the drive brakes on its own ramp, closes its brake, and
+    a CiA 402 drive only then gives its torque away; its velocity is never cut off.
+    """
+    brake = {"torque_nm": 5.0, "opening_time_ms": 30.0, "closing_time_ms": 40.0}
+    reference = load_bench_file("nc-axes:reference" if profile == "cia402" else "nc-axes:profidrive")
+    with reference.configured({"drive": {"drive1": {"brake": brake}}}).build(seed=0) as bench:
+        axis = bench.axis(controller="nc")
+        bench.wait_until(axis.power().status, 2.0, "enable")
+        moving = axis.move_velocity(200.0, Acceleration=2000.0, Jerk=1e6)
+        bench.wait_until(moving.in_velocity, 2.0, "velocity")
+        bench.run_for(0.1)
+        begun = bench.now_s
+        Injector(bench).inject("frame.drop", "can0", message="rpdo1")
+        bench.run_for(0.5)
+        trace = bench.trace()
+    speed = trace["drive1.velocity"]
+    behind = [
+        (float(time) - begun, float(value))
+        for time, value in zip(speed.time_s, speed.values, strict=True)
+        if time >= begun + 0.01
+    ]
+    step_s = behind[1][0] - behind[0][0]
+    steepest = max((a[1] - b[1]) / step_s for a, b in pairwise(behind))
+    assert 0.9 <= steepest <= 1.6  # m/s2, the ramps of the drives; 0.2 m/s at once would be 50
+    stands = next(time for time, value in behind if abs(value) < 1e-3)
+    assert 0.15 < stands < 0.35
+    closed = _first(trace["drive1.brake_closed"], begun, bool)
+    assert stands - 0.03 <= closed
+    if profile == "cia402":
+        # The axis hangs on the motor until the brake holds it.
+        off = _first(trace["drive1.statusword"], begun, lambda word: not has_torque(np.array([int(word)]))[0])
+        assert stands <= off
+        assert closed <= off + 0.005
+    assert axis.error_id in {0x4650, 0x4651}
