@@ -35,7 +35,10 @@ const context = {
   },
 };
 
-const stop = () => act("axis.stop_all");
+function stop() {
+  for (const view of made.values()) view.stopped?.();
+  act("axis.stop_all");
+}
 
 // -- header
 

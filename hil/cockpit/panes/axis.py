@@ -170,6 +170,14 @@ class AxisPane(Pane):
         return self._desks[name]
 
     def _permit(self, name: str) -> None:
+        """Refuse what may move an axis.
+
+        Raises:
+            MessageError: The operator is away, or the drive is a physical one that must not be moved.
+
+        """
+        if not self._control.present:
+            raise MessageError("the page has given no sign of life in time: nothing is moved")
         if name in self._physical and not self._allow_motion:
             raise MessageError(
                 f"{name} has a physical drive: it is moved only by a cockpit started with --allow-motion"

@@ -164,6 +164,8 @@ def test_jog_ends_with_the_operator(cockpit, way):
             one.socket.close()
         elif way == "silent":
             one.hush()
+            watcher.until(lambda: velocity(watcher) == 0.0, "stopped")
+            assert "sign of life" in one.refused("axis.jog", axis="axis1", slider=50.0)
         else:
             one.do("axis.away")
         watcher.until(lambda: velocity(watcher) == 0.0, "stopped")

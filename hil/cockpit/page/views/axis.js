@@ -110,7 +110,7 @@ class AxisView {
             (this.homeForm = h("form", { onsubmit: (event) => this.#home(event) }, h("div.row", {}, field("Home position", this.home), this.homeUnit, h("button.operate", { type: "submit" }, "Home")))),
           ),
           h("section.card", {}, h("h2", {}, "Dynamics"), h("div.dynamics", {}, ...[...this.dynamics.values()].map((one) => one.form))),
-          h("details.card", {}, h("summary", {}, "All commands"), this.more),
+          (this.moreCard = h("details.card", {}, (this.moreTitle = h("summary", {}, "Other commands")), this.more)),
         ),
       ),
     );
@@ -137,6 +137,7 @@ class AxisView {
   }
 
   #stop() {
+    this.stopped();
     this.context.act("axis.stop_all");
   }
 
@@ -199,11 +200,16 @@ class AxisView {
     this.context.act("axis.jog", { axis: this.axis, slider: direction * Number(this.slider.value) });
   }
 
-  #letGo() {
-    if (!this.held) return;
+  /** Everything has been stopped: a key that is still held moves nothing any more. */
+  stopped() {
     this.held = false;
     mark(this.back, "held", false);
     mark(this.forward, "held", false);
+  }
+
+  #letGo() {
+    if (!this.held) return;
+    this.stopped();
     this.context.act("axis.jog", { axis: this.axis, slider: 0 });
   }
 
@@ -252,6 +258,8 @@ class AxisView {
     show(this.relative, this.kind === "s7");
     show(this.homeForm, position);
     this.more.replaceChildren(...Object.entries(found.commands).filter(([one]) => !BASIC.includes(one)).map(([one, [usage, meaning]]) => this.#command(one, usage, meaning)));
+    this.moreCard.open = found.leaders.length > 0;
+    text(this.moreTitle, found.leaders.length ? `Gears and cams after ${found.leaders.join(" or ")}, other commands` : "Other commands");
     this.filled = false;
     this.#chart();
   }
