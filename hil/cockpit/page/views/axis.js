@@ -366,8 +366,7 @@ class AxisView {
     const shown = [[now.state, now.alarms.length ? "bad" : now.enabled ? "good" : ""]];
     if (now.homed !== undefined) shown.push([now.homed ? "homed" : "not homed", now.homed ? "" : "warn"]);
     if (this.kind === "s7") shown.push([now.master === "panel" ? "panel" : "user program", ""]);
-    if (now.job) shown.push([now.job, "busy"]);
-    if (now.synchronous) shown.push([now.synchronous, "busy"]);
+    if (now.synchronous || now.job) shown.push([now.synchronous || now.job, "busy"]);
     for (const [name, active] of Object.entries(now.switches || {})) if (active) shown.push([`${name} limit`, "bad"]);
     const key = JSON.stringify(shown);
     if (key === this.badgeKey) return;
