@@ -211,8 +211,12 @@ class Chooser:
                     shown = Code(f"0x{code:04X}", code)
                     options = self._since(since, since_s, entry)
                     yield self._call(name, shown, **options, **self._axis(entry.source))
-        if since is not None and not seen:
-            yield self._call("no_alarm", since=since)
+        if since is not None:
+            nc = [axis for axis in self._axes if f"{axis}.set_velocity" in trace]
+            if not seen and len(nc) < len(self._axes):
+                yield self._call("no_alarm", since=since)
+            if nc:
+                yield self._call("no_axis_error", since=since)
 
     def _since(self, since: Call | None, since_s: float, entry: Event) -> dict[str, Any]:
         if since is None:

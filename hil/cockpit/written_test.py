@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from fieldbus.errors import HilError
+from hil.campaign import load_bench_file
 from hil.cockpit.code_text import WIDTH, Call, Code, import_lines, literal, trigger_call
 from hil.cockpit.observations import Chooser, JobEnd, Judgement, Stopped
 from hil.cockpit.rehearsal import Action, Do, Look, Moment, Pause, Script, Until
@@ -418,6 +420,41 @@ def _with_name(call: Call, name: str) -> Call:
 def _sentence(text: str) -> str:
     clean = text.replace("\\", "/").replace('"', "'").strip()
     return clean if clean.endswith((".", "!", "?")) else f"{clean}."
+
+
+def bench_for_test(bench_file: BenchFile, name: str) -> tuple[str, str]:
+    """Return how a test names its bench, and the text of a bench file that has to stand next to it.
+
+    Args:
+        bench_file: What the bench of the session was built of.
+        name: Of the test.
+
+    Returns:
+        The source and no text; of a bench that was changed in the cockpit the name of a file, and its text.
+
+    """
+    try:
+        unchanged = load_bench_file(bench_file.source).digest == bench_file.digest
+    except HilError:
+        unchanged = False
+    if unchanged:
+        return bench_file.source, ""
+    return f"{function_name(name).removeprefix('test_')}.toml", bench_file.text
+
+
+def save_bench(text: str, path: Path) -> None:
+    """Write the bench file of a test.
+
+    Raises:
+        CannotRunError: Another file of this name is there, or nothing can be written.
+
+    """
+    try:
+        if path.exists() and path.read_text(encoding="utf-8") != text:
+            raise CannotRunError(f"{path} is another bench file: give the test another name")
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise CannotRunError(f"{path} cannot be written: {error}") from error
 
 
 def save_text(text: str, folder: Path, name: str, *, ending: str = "py") -> Path:

@@ -16,7 +16,7 @@ from hil.cockpit.panes.time_control import ReleaseControl, RunToEvent, RunToSign
 from hil.cockpit.recording import AxisRecorder
 from hil.cockpit.session import Session
 from hil.cockpit.steps import Remark
-from hil.cockpit.written_test import WrittenTest, save_text, write_test
+from hil.cockpit.written_test import WrittenTest, bench_for_test, save_bench, save_text, write_test
 
 if TYPE_CHECKING:
     from hil.bench.bench import Bench
@@ -82,6 +82,8 @@ class SessionPane(Pane):
         self._held: Recorded | None = None
         self._written: tuple[str, str] | None = None
         """Form and text of what was written last."""
+        self._bench = ("", "")
+        """Bench of what was written last, and the text of its file where it has to be saved, too."""
         machine.carried_out.append(self._follow)
 
     def the_session(self) -> Session:
@@ -152,18 +154,25 @@ class SessionPane(Pane):
         held = self._held
         if held is None:
             raise MessageError("nothing is held: the message session.hold comes first")
-        bench = held.bench_file.source
+        bench, own = bench_for_test(held.bench_file, message.name)
         if message.form == "matrix":
             written = WrittenTest(write_matrix(held, bench=bench, title=message.name), ())
         else:
             written = write_test(held, name=message.name, bench=bench, title=message.title)
         self._written = (message.form, written.text)
-        return {"text": written.text, "notes": list(written.notes)}
+        self._bench = (bench, own)
+        notes = [*written.notes]
+        if own:
+            notes.append(f"the bench was changed here: its file is saved as {bench} next to the test")
+        return {"text": written.text, "notes": notes}
 
     def _save(self, message: SaveSession, _: Client) -> str:
         if self._written is None:
             raise MessageError("nothing has been written yet")
         form, text = self._written
+        name, own = self._bench
+        if own:
+            save_bench(own, self._folder / name)
         return str(save_text(text, self._folder, message.name, ending="py" if form == "pytest" else "toml"))
 
     def operator_away(self) -> None:

@@ -152,6 +152,22 @@ def test_frames_objects_and_what_is_refused(operator):
     assert operator.do("session.steps")[-1]["text"] == "drive1: 6065h.00h = 00 10 00 00"
 
 
+def test_a_changed_bench_is_saved_with_its_test(operator):
+    """The test of a bench whose text was changed names a file of its own, which is saved next to it."""
+    text = load_bench_file("reference").text
+    operator.do("bench.start_text", text=f"{text}\n[tolerance]\ntime_s = 0.02\n")
+    operator.until(lambda: operator.state["session"]["count"] == 0, "a new session")
+    operator.do("time.run", speed="max")
+    operator.do("faults.arm", fault="drive.warning", target="drive1", parameters={})
+    operator.until(lambda: operator.state["time_s"] > 0.3, "time passes")
+    operator.do("session.hold")
+    written = operator.do("session.write", form="pytest", name="warm")
+    assert '@pytest.mark.hil_bench("warm.toml")' in written["text"]
+    operator.do("session.save", name="warm")
+    assert "time_s = 0.02" in (operator.folder / "warm.toml").read_text()
+    assert (operator.folder / "test_warm.py").exists()
+
+
 @pytest.mark.parametrize("name", ["reference", "profidrive_tcp"])
 def test_the_catalogue_says_what_a_bench_cannot_do(name):
     """Every kind of fault has targets that it can hit here, or the reason why it cannot; nothing is left
