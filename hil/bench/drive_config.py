@@ -98,6 +98,8 @@ _WITH_XERR: Final = (5, 6, 105, 106)
 """Telegrams with XERR and KPC."""
 _PDO_LENGTH: Final = 16
 """Free process data words of a node in a direction."""
+_MAX_TORQUE_PERMILLE: Final = 3000
+"""6072h of an emulated CiA 402 drive without an EDS."""
 _PEAK_TORQUE: Final = 3.0
 """Torque limit of an emulated PROFIdrive axis as a multiple of the rated torque."""
 _AT_SIGNAL_OUTPUT: Final[Mapping[str, tuple[bool | float, bool | float]]] = {
@@ -457,6 +459,16 @@ class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable, Cia402Keys, frozen
     def interfaces(self) -> tuple[str, ...]:
         """What an axis of an NC may give to the drive."""
         return ("velocity", "position", "torque")
+
+    @property
+    def torque_limit_nm(self) -> float:
+        """Greatest torque of the emulated drive by its limits (6072h, 6073h) and the rated torque, Nm."""
+        vendor = self._vendor_eds()
+        permille = None if vendor is None else vendor.max_torque_permille
+        rated_nm = self.rated_torque_nm
+        if vendor is not None and "rated_torque_nm" not in self.model_fields_set:
+            rated_nm = vendor.rated_torque_nm or rated_nm
+        return rated_nm * (_MAX_TORQUE_PERMILLE if permille is None else permille) / 1000.0
 
     def _vendor_eds(self) -> VendorEds | None:
         """Return the EDS; None without one, or if it cannot be read, which building the drive says."""

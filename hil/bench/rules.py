@@ -22,6 +22,7 @@ from hil.bench.config import SWITCH_LEVELS
 from hil.bench.drive_config import (
     WITH_RAMPS,
     WITH_SWITCHES,
+    Cia402DriveTable,
     ProfidriveModbusTable,
 )
 from hil.expect.golden import drive_ramp, stop_ramp, switch_clearance
@@ -533,6 +534,32 @@ def _maximum_velocity(axis: AxisFacts) -> Iterator[str]:
             f"DynamicLimits.MaxVelocity = {shown:g} {unit} needs {wanted:.6g} {speed}, the setpoint ends at "
             f"{most:.6g}; at most {shown * most / wanted:.6g} {unit}"
         )
+
+
+@_rule(
+    "drive-torque",
+    compares="the torque that 6072h, 6073h and the rated torque of a CiA 402 drive allow, and what the "
+    "machine needs for the emergency ramp (`DynamicDefaults.EmergencyDeceleration`)",
+    otherwise="the drive does not follow the ramp",
+    keys=(
+        _variable("DynamicDefaults.EmergencyDeceleration"),
+        "drive.{drive}.rated_torque_nm",
+        "drive.{drive}.mechanics.load_mass_kg",
+        "drive.{drive}.mechanics.motor_inertia_kgm2",
+        "drive.{drive}.eds",
+    ),
+    alarm=521,
+)
+def _drive_torque(axis: AxisFacts) -> Iterator[str]:
+    machine, drive = axis.machine, axis.drive
+    if machine is None or not axis.positions or not isinstance(drive, Cia402DriveTable):
+        return
+    deceleration = axis.store.bind("DynamicDefaults.EmergencyDeceleration").value
+    inertia = machine.motor_inertia_kgm2 + machine.load_at_motor_kgm2
+    needed = inertia * axis.rpm(deceleration) * math.tau / 60.0
+    there = drive.torque_limit_nm
+    if needed > there:
+        yield f"{axis.drive_name} gives at most {there:.3g} Nm; the emergency ramp needs {needed:.3g} Nm"
 
 
 @_rule(

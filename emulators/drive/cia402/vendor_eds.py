@@ -117,6 +117,12 @@ class VendorEds:
         return None if rated is None else rated / 1000.0
 
     @property
+    def max_torque_permille(self) -> int | None:
+        """Lower one of 6072h and 6073h, permille of the rated torque or current."""
+        given = [value for value in (self.given(0x6072), self.given(0x6073)) if value is not None]
+        return min(given, default=None)
+
+    @property
     def rated_current_A(self) -> float | None:
         """6075h, A."""
         rated = self.given(0x6075)

@@ -52,6 +52,7 @@ TRIPPED = {
     "lead-screw": '\n[axis.x.variables]\n"Mechanics.LeadScrew" = 20.0\n',
     "direction": '\n[axis.x.variables]\n"Sensor[1].InverseDirection" = true\n',
     "maximum-velocity": '\n[axis.x.variables]\n"DynamicLimits.MaxVelocity" = 501.0\n',
+    "drive-torque": "\n[drive.x_drive.mechanics]\nload_mass_kg = 4000.0\n",
     "drive-speed": "\n[drive.y_drive.profidrive]\nreference_speed_rpm = 3000.0\n",
     "reference-speed": '\n[axis.y.variables]\n"Actor.DriveParameter.ReferenceSpeed" = 2000.0\n',
 }
