@@ -204,3 +204,22 @@ def test_an_encoder_that_fails():
     again = rig.axis.gear_in_velocity(rig.encoder)
     rig.cycles(2)
     assert (again.ErrorID, rig.alarms_of("axis1")) == (0x8001, [601, 601])
+
+
+@pytest.mark.requirement("SYN-007")
+def test_what_leads_by_kind_of_controller():
+    """`MC_GearIn` behind the setpoint of an axis on either kind; an external encoder leads on a technology
+    processor alone.
+    """
+    for cpu, technology in (("S7-1500", False), ("S7-1500T", True), ("S7-1500T V7", True)):
+        rig = Rig(synchronous=True, variables=VIRTUAL, cpu=cpu)
+        encoder = ExternalEncoder("belt", Belt(), cycle_ns=rig.cycle_ns, history=rig.history)
+        rig.runtime.add_encoder(encoder)
+        rig.axis.object.leading_objects += (encoder,)
+        rig.runtime.order_axes()
+        rig.enabled().leader_at(0.0)
+        rig.run(0.05)
+        rig.until(rig.axis.gear_in(rig.leader).in_gear)
+        job = rig.axis.gear_in(EncoderHandle(rig.runtime, encoder))
+        rig.cycles(2)
+        assert (job.ErrorID == 0x8002) is not technology

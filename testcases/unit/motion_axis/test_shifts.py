@@ -551,3 +551,52 @@ def test_any_gear_with_any_shifts(numerator, denominator, profile, modulo, shift
         assert ways[0] - slack <= (later - y) / CYCLE <= ways[1] + slack
     if profile != 4 and not any(modulo):
         assert y0 - 10.0 == pytest.approx(ratio * (x0 - 20.0), abs=1e-7)
+
+
+@pytest.mark.requirement("SYN-192", "SYN-384", "SYN-191")
+def test_an_offset_counts_the_effective_leading_value():
+    """Start position and distance are those of the leading value with what is added, without the phase shift;
+    the direction waits for its own; profile 5 cancels what waits.
+    """
+    rig = in_gear(0.0)
+    x = rig.leader.var("Position")
+    rig.axis.leading_value_additive(3.0)
+    rig.cycles(2)
+    rig.until(rig.axis.phasing_absolute(20.0, **DYNAMICS).done)
+    job = rig.axis.offset_relative(4.0, 10.0, ProfileReference=2, StartPosition=x + 33.0, Direction=1)
+    travel(rig, 50.0)
+    rig.until(lambda: job.StartOffset)
+    assert rig.leader.var("Position") - x == pytest.approx(30.0, abs=50.0 * CYCLE * 2.0)
+    rig.until(job.done)
+    assert rig.leader.var("Position") - x == pytest.approx(40.0, abs=50.0 * CYCLE * 2.5)
+    travel(rig, -50.0)
+    rig.run(0.1)
+    waits = rig.axis.offset_relative(1.0, 5.0, Direction=1)
+    rig.run(0.2)
+    assert (waits.Busy, waits.StartOffset, tag(rig, "Offset")) == (True, False, 4.0)
+    rig.axis.offset_relative(0.0, ProfileReference=5)
+    rig.until(waits.aborted)
+
+
+@pytest.mark.requirement("SYN-185", "SYN-433", "SYN-339")
+def test_shifts_need_a_synchronous_gear():
+    """Without a synchronous job 16#8075, while one synchronises 16#80A9, in simulation 16#8076, on a gear of
+    velocities 16#8079; in gear they run.
+    """
+
+    def errors(rig):
+        jobs = rig.axis.phasing_relative(1.0, **DYNAMICS), rig.axis.offset_relative(1.0, 5.0)
+        rig.cycles(2)
+        return {job.ErrorID for job in jobs}
+
+    rig = standing()
+    assert errors(rig) == {0x8075}
+    assert errors(gear(50.0, Acceleration=50.0)) == {0x80A9}
+    rig = in_gear(0.0)
+    rig.axis.synchronized_motion_simulation()
+    rig.cycles(2)
+    assert errors(rig) == {0x8076}
+    rig = standing()
+    rig.until(rig.axis.gear_in_velocity(rig.leader, PositionControlled=True).in_sync)
+    assert errors(rig) == {0x8079}
+    assert errors(in_gear(0.0)) == {0, 0x808A}  # the second one only because the first runs

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from testcases.unit.motion_axis.conftest import CYCLE, Rig
-from testcases.unit.motion_axis.override_cells import cam_of
-from testcases.unit.motion_axis.test_gear_in import SYNCHRONOUS, gear, in_gear, places, word
+from testcases.unit.motion_axis.override_cells import ACTIVE, cam_of
+from testcases.unit.motion_axis.test_gear_in import FIXTURE, SYNCHRONOUS, gear, in_gear, places, word
 from testcases.unit.motion_axis.test_gear_in_pos import standing, travel
 
 SYNC = "StatusSynchronizedMotion."
@@ -166,6 +166,35 @@ def test_its_end_is_a_step_of_what_lies_between(apart):
     rig.leader.move_relative(20.0)
     rig.run(0.5)
     assert places(rig)[1] - y == pytest.approx(2.0 * (places(rig)[0] - x), abs=1e-9)
+
+
+@pytest.mark.requirement("SYN-237", "SYN-443")
+@pytest.mark.parametrize("function", ["MC_GearInPos active", "MC_CamIn active"])
+def test_a_function_of_positions_goes_on_without_synchronising_again(function):
+    """The axis is where its function is in the cycle behind the end of the simulation, whatever way the
+    leader has gone meanwhile; StartSync and the bit of synchronising never come.
+    """
+    rig = Rig(synchronous=True, variables=FIXTURE, leader_variables=FIXTURE).enabled()
+    rig.axis.home(0.0)
+    rig.leader_at(0.0)
+    rig.leader.home(0.0)
+    rig.cycles(3)
+    job = ACTIVE[function](rig)
+    rig.until(job.in_sync)
+    rig.until(rig.leader.halt().done)
+    rig.run(0.1)
+    simulation = rig.axis.synchronized_motion_simulation()
+    rig.cycles(2)
+    rig.until(rig.leader.move_relative(12.0).done)
+    function_at = tag(rig, "FunctionFollowingValue.Position") + tag(rig, "Offset")
+    assert abs(function_at - rig.axis.var("Position")) > 1.0
+    seen = []
+    rig.runtime.after_cycle.append(lambda: seen.append((job.StartSync, word(rig.axis))))
+    simulation.set(Enable=False)
+    rig.cycles(3)
+    assert (job.InSync, rig.axis.var("Position")) == (True, pytest.approx(function_at, abs=1e-9))
+    assert {one for one, _ in seen} == {False}
+    assert {bits for _, bits in seen} <= {0, SYNCHRONOUS}
 
 
 @pytest.mark.requirement("SYN-234", "SYN-238", "STP-204", "MC-358")

@@ -78,7 +78,7 @@ def test_profiles_by_version(cpu, extra):
             assert job.ErrorID == 0x8036
 
 
-@pytest.mark.requirement("SYN-007", "SYN-008", "SYN-009", "SYN-010", "SYN-011", "SYN-012", "CAM-248")
+@pytest.mark.requirement("SYN-008", "SYN-009", "SYN-010", "SYN-011", "SYN-012", "CAM-248")
 def test_instructions_by_version():
     """MC_GearIn exists on the S7-1500, everything else on the T alone; the cyclic reading of cams, and the
     scaling of both other instructions that read them, came with V8.0.
