@@ -26,6 +26,8 @@ _SHOWN_BY_FAULTS: Final = (
     "drive.boot",
 )
 _WARNING: Final = 1 << 7
+_BOOT_NS: Final = 1_000_000_000
+"""Time in which a drive that was restarted may still be starting, ns."""
 _VOLTAGE: Final = 1 << 4
 _REMOTE: Final = 1 << 9
 _LIMITED: Final = 1 << 11
@@ -36,14 +38,16 @@ def _warned(drive: DriveView) -> tuple[Flags, Flags]:
     behind a start of the drive until the next one.
     """
     flags, known = np.zeros(len(drive.time_s), dtype=bool), np.ones(len(drive.time_s), dtype=bool)
-    warned = False
+    warned, restarted_ns = False, -_BOOT_NS
     for entry in drive.whole.events.of(drive.name, "drive.warning", "nmt.state", "fault.applied"):
         first = drive.index_of(entry.time_ns)
         if entry.kind == "drive.warning":
             warned = bool(entry.data.get("warnings"))
-            flags[first:], known[first:] = warned, True
+            # What comes while the drive starts is forgotten when it is up.
+            flags[first:], known[first:] = warned, entry.time_ns - restarted_ns >= _BOOT_NS
         elif entry.data.get("to") == "INITIALISING" or entry.data.get("fault") in RESTARTS:
             known[first:] = not warned
+            restarted_ns = entry.time_ns
     return flags, known
 
 

@@ -49,6 +49,20 @@ FINDINGS = {
         ],
     ),
     "an axis with a slow bus that comes up": ("profidrive_rtu", ON),
+    "a warning while the drive starts": (
+        "profidrive",
+        [
+            {"fault": {"kind": "drive.reset", "parameters": {"boot_s": 0.02}}},
+            {"fault": {"kind": "drive.warning", "duration_s": 0.02}},
+        ],
+    ),
+    "a restart while the drive warns": (
+        "profidrive",
+        [
+            {"fault": {"kind": "drive.warning", "duration_s": 0.04}},
+            {"fault": {"kind": "drive.reset", "parameters": {"boot_s": 0.02}}},
+        ],
+    ),
     "a speed axis between cycles of the interpolator": (
         "speed",
         [SLOW, *ON, {"do": "move_velocity", "velocity": 100.0}],
