@@ -524,6 +524,8 @@ def _direction(axis: AxisFacts) -> Iterator[str]:
     alarm=551,
 )
 def _maximum_velocity(axis: AxisFacts) -> Iterator[str]:
+    if axis.read("Actor.DataAdaption"):
+        return  # the maximum speed comes from the drive
     maximum = axis.store.bind("DynamicLimits.MaxVelocity").value
     wanted, most = axis.rpm(maximum), axis.setpoint.maximum
     if wanted > most * (1.0 + _SAME):
