@@ -34,7 +34,8 @@ REDIRECTED = re.compile(r"(?:\s(?:2?>\s*[\w.]+|&))+$")
 
 def lines(page: str) -> list[str]:
     """Return the commands in the shell blocks of a page, without comments."""
-    found = [line for block in blocks(page) if block.language == "sh" for line in block.text.splitlines()]
+    texts = [block.text.replace("\\\n", "") for block in blocks(page) if block.language == "sh"]
+    found = [line for text in texts for line in text.splitlines()]
     return [REDIRECTED.sub("", line.partition(" # ")[0].strip()) for line in found if line.strip()]
 
 
