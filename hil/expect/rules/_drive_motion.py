@@ -157,7 +157,8 @@ def _stop_of_drive(drive: DriveView) -> Judged | None:
             continue
         # Between the first whole cycle of the ramp and the last one before it ends.
         inside = last_true(drive.in_states(state), 2) & _steady_grid(drive) & steady
-        inside[1:] &= demand[:-1] != 0.0
+        # Nor where the demand stands at the greatest speed: a stop may begin above it.
+        inside[1:] &= (demand[:-1] != 0.0) & (np.abs(demand[:-1]) < 0.999 * top)
         inside &= demand != 0.0
         inside[:-1] &= demand[1:] != 0.0
         judged |= inside
