@@ -125,10 +125,17 @@ def _limit_memory() -> None:
 
 
 def _judge(task: Task, judge: Judge, limit_s: float) -> Outcome:
-    case = replace(load_campaign(judge.campaign)[judge.identifier], wall_limit_s=limit_s)
     started = time.perf_counter()
+    try:
+        case = replace(load_campaign(judge.campaign)[judge.identifier], wall_limit_s=limit_s)
+        bench = bench_of(judge.bench)
+    except Exception as error:  # without the defect both could be loaded
+        if task.mutant is None:
+            raise
+        text = f"{type(error).__name__}: {error}"
+        return Outcome(judge, "crashed", text, time.perf_counter() - started, frozenset())
     settings = CaseSettings(seed=case_seed(task.seed, judge.identifier))
-    result = execute_case(case, bench_of(judge.bench), settings).result
+    result = execute_case(case, bench, settings).result
     hung = result.verdict is Verdict.ERROR and result.message.startswith(USED_UP)
     return Outcome(
         judge=judge,

@@ -387,7 +387,7 @@ _LIMITED: Final = 0.999
 
 def _control_law(axis: AxisView) -> Judged | None:
     columns = ("velocity_setpoint", "control_difference", "speed_output", "status_word", "state", "stw1")
-    if not axis.has(*columns) or not axis.has_position or axis.drive is None:
+    if not axis.has(*columns) or not axis.has_position or axis.drive is None or axis.restarted:
         return None
     if not axis.off("PositionControl.EnableDSC") or not axis.off("SetpointFilter.DynamicFilter.Mode"):
         return None

@@ -237,8 +237,10 @@ def _job_velocity(axis: AxisView) -> Judged | None:
         more = np.abs(a[inside]) > np.abs(a[part.first + 1 : part.behind - 1][: len(own)]) * (1.0 - 1e-9)
         broken[inside] |= own & over & more & (a[inside] * v[inside] > 1e-9)
         if abs(v[min(part.first + 1, count - 1)]) <= part.velocity[min(part.first + 1, count - 1)] * _SHARE:
-            carried = _carried(axis, part, a)
-            broken[inside] |= own & over & (np.abs(v[inside]) > part.velocity[inside] + carried)
+            # From what it was allowed before an override or a limit was lowered it brakes.
+            highest = np.maximum.accumulate(part.velocity[part.first : part.behind])[2:]
+            allowed = highest + _carried(axis, part, a)
+            broken[inside] |= own & over & (np.abs(v[inside]) > allowed)
     if not judged.any():
         return None
     unit = axis.unit("velocity_setpoint")
