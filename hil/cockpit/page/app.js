@@ -206,9 +206,11 @@ function askToken() {
     const answer = await fetch("/enter", { method: "POST", body: input.value });
     if (!answer.ok) return toast("The token is wrong.", "error");
     form.remove();
+    mark(document.body, "locked", false);
     return connection.open();
   }
   document.getElementById("main").prepend(form);
+  mark(document.body, "locked", true);
   input.focus();
 }
 

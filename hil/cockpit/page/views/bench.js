@@ -102,6 +102,7 @@ class BenchView {
 
   state(state) {
     const bench = state.bench;
+    for (const button of this.element.querySelectorAll("button.operate")) button.disabled = !this.context.operates();
     if (!bench || !this.controller) return;
     text(this.controller.state, bench.controller);
     mark(this.controller.element, "good", bench.controller === "RUN");
