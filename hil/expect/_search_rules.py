@@ -34,6 +34,8 @@ _FEEDBACK: Final = ("encoder.", "frame.", "telegram.", "modbus.truncate", "drive
 _FEEDBACK_S: Final = 0.1
 _NEW_COORDINATES: Final = frozenset({"axis.homed", "axis.position_set", "link.up", "link.down"})
 """Events that may displace the coordinates of an axis."""
+_INVALID: Final = 1 << 30
+"""`StateDWord` of an NC axis: its actual values are those of the last telegram that came."""
 _CORRECTED: Final = 1 << 20
 """`OpModeDWord` of an NC axis: a correction is added to its actual position."""
 _CONTROLLER_S: Final = 1.0
@@ -290,6 +292,8 @@ def _drifted(trace: Trace, axis: str, drive: str, scale: float) -> tuple[float, 
     linked = np.ones(len(times), dtype=bool)
     if f"{axis}.communication_ok" in trace:
         linked = _held(trace[f"{axis}.communication_ok"], times) != 0
+    if f"{axis}.state_dword" in trace:
+        linked &= (trace[f"{axis}.state_dword"].values.astype(np.int64) & _INVALID) == 0
     if f"{axis}.op_mode_dword" in trace:
         linked &= (trace[f"{axis}.op_mode_dword"].values.astype(np.int64) & _CORRECTED) == 0
     disturbed = _inside(times, _fault_spans(trace, _FEEDBACK, _FEEDBACK_S))

@@ -146,3 +146,16 @@ def test_every_block_has_its_inputs():
         names = [one.name for one in parameters]
         assert "Execute" not in names, name
         assert len(set(names)) == len(names), name
+
+
+def test_what_was_found_on_nc_axes_stays_corrected(subtests):
+    """A new position, and actual values that do not come while the machine is pushed, break no rule."""
+    for steps in (
+        [Wait(0.3), Do("MC_SetPosition", {"Position": 5.0})],
+        [
+            Break(Fault("drive.heartbeat_loss", duration_s=0.4)),
+            Break(Fault("mechanics.load_step", duration_s=0.3, parameters={"force_N": 400.0})),
+        ],
+    ):
+        with subtests.test(str(steps[-1])):
+            assert run_program(Program((ON, *steps)), BENCH, seed=22).violation is None
