@@ -169,7 +169,7 @@ def test_its_end_is_a_step_of_what_lies_between(apart):
 
 
 @pytest.mark.requirement("SYN-237", "SYN-443")
-@pytest.mark.parametrize("function", ["MC_GearInPos active", "MC_CamIn active"])
+@pytest.mark.parametrize("function", ["MC_GearInPos active", "MC_CamIn active", "at once"])
 def test_a_function_of_positions_goes_on_without_synchronising_again(function):
     """The axis is where its function is in the cycle behind the end of the simulation, whatever way the
     leader has gone meanwhile; StartSync and the bit of synchronising never come.
@@ -179,7 +179,11 @@ def test_a_function_of_positions_goes_on_without_synchronising_again(function):
     rig.leader_at(0.0)
     rig.leader.home(0.0)
     rig.cycles(3)
-    job = ACTIVE[function](rig)
+    if function == "at once":
+        rig.leader.move_velocity(20.0)
+        job = rig.axis.cam_in(rig.leader, cam_of(rig), SyncProfileReference=2, MasterSyncPosition=3.0)
+    else:
+        job = ACTIVE[function](rig)
     rig.until(job.in_sync)
     rig.until(rig.leader.halt().done)
     rig.run(0.1)
