@@ -85,15 +85,17 @@ class PowerStage:
         self._left = CYCLES
         self.dc_link.restart()
 
-    def update(self, now_ns: int) -> bool:
-        """Note the torque of a control cycle; returns whether the models have been advanced."""
+    def update(self) -> bool:
+        """Note the torque of a control cycle; returns whether the models are due, every few cycles."""
         torque = self._core.torque
         if torque:
             self._square += torque * torque
             self._work += torque * self._mechanics.velocity
-        self._left -= 1
-        if self._left:
-            return False
+        self._left = left = self._left - 1
+        return left == 0
+
+    def advance(self, now_ns: int) -> None:
+        """Advance the models by the cycles since the last time."""
         self.dt_s = dt_s = (now_ns - self._since_ns) / S
         self._since_ns = now_ns
         square = self._square / CYCLES
@@ -110,7 +112,6 @@ class PowerStage:
             else:
                 self.returned_J -= power * dt_s
             link.update(power, dt_s)
-        return True
 
     def _heat(self, square: float, dt_s: float) -> None:
         load = square / (self._rated * self._rated)

@@ -148,6 +148,7 @@ class BusSection:
 
     def submit(self, port: MediumPort, frames: Iterable[CanFrame]) -> None:
         """Queue `frames` of `port`; see `MediumPort.send`."""
+        now = self.scheduler.now
         for frame in frames:
             key, bits = frame.timing or self._timing(frame, port)
             if not port.can_send:
@@ -161,7 +162,6 @@ class BusSection:
                 current = self._entry
                 if current is None:
                     start = self.free_ns
-                    now = self.scheduler.now
                     if start < now:  # noqa: PLR1730 - max() is a call on the cyclic path
                         start = now
                     self._sender = port
@@ -170,7 +170,7 @@ class BusSection:
                 if (
                     port is self._sender
                     and key > current[0]
-                    and self.scheduler.now <= self._open_until_ns
+                    and now <= self._open_until_ns
                     and len(port.queue) < port.tx_buffers
                 ):
                     # One more frame of a node whose first one has yet to start, and ranks higher: nothing

@@ -108,7 +108,8 @@ class Protection:
     def update(self) -> None:
         """Note the torque of a control cycle; every few cycles advance the models and look at them."""
         power_stage = self.power
-        if power_stage.update(self._scheduler.now):
+        if power_stage.update():
+            power_stage.advance(self._scheduler.now)
             self.look_at_link()
             self._look_at_phase(power_stage.dt_s)
             self._look_at_heat()

@@ -82,7 +82,8 @@ class Monitors:
     def update(self) -> None:
         """Look at everything; once per control cycle."""
         now = self._scheduler.now
-        if self._power.update(now):
+        if self._power.update():
+            self._power.advance(now)
             self.look_at_models()
         if self._safety.watching:
             self._safety.watch()
