@@ -25,8 +25,8 @@ class CoreBuildHook(BuildHookInterface[Any]):
         return self.target_name == "wheel" and os.environ.get("HIL_COMPILE") == "1"
 
     def dependencies(self) -> list[str]:
-        """Return what the build needs."""
-        return ["mypy>=2.4,<2.5", "setuptools>=70"] if self._wanted() else []
+        """Return what the build needs: the compiler, and libraries whose types the compiled modules name."""
+        return ["mypy>=2.4,<2.5", "numpy>=1.26", "setuptools>=70"] if self._wanted() else []
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile, and say what is added to the wheel."""
