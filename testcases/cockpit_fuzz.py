@@ -21,7 +21,7 @@ from websockets.exceptions import ConnectionClosed
 from hil.cockpit.messages import Message, RateLimit
 from testcases.cockpit_rig import Page, served
 
-_RARE = ("bench.reset", "bench.open", "bench.start_text", "bench.schema")
+_RARE = ("bench.reset", "bench.open", "bench.start_text", "bench.schema", "session.write")
 """Kinds that bring a bench up or whose answer is long, which takes most of a second."""
 _RARE_SHARE = 0.0005
 _OWN_ERROR = re.compile(r"^[A-Z]\w*(Error|Exception): ")
