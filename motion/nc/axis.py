@@ -164,6 +164,8 @@ class NcAxis:
             self.motion.plans = False
             self.discrete = Discrete(parameters, self.motion, cycle_s=cycle_s)
         self._group: AxisGroup | None = None
+        self._group_stops: list[Command] = []
+        """Stops that have been given to the group and wait for its standstill."""
         self._path_before = 0.0
         self.raw_output: float | None = None
         """Share of full scale that is output without position control; None: it is controlled (NC-241)."""
@@ -303,7 +305,8 @@ class NcAxis:
             return refused
         if self._group is not None:
             self._group.stop()
-            command.state = CommandState.DONE
+            command.state = CommandState.ACTIVE
+            self._group_stops.append(command)
             return NO_ERROR
         if self.coupling.master is not None:
             self.decouple()
@@ -539,10 +542,16 @@ class NcAxis:
         self.motion.has_target = False
         return NO_ERROR
 
-    def leave_group(self) -> None:
-        """Be a PTP axis again."""
+    def leave_group(self, *, stopped: bool) -> None:
+        """Be a PTP axis again; `stopped`: the group stands at the end of its path, or of a stop."""
         self._group = None
+        self._end_group_stops(CommandState.DONE if stopped else CommandState.ABORTED, NO_ERROR)
         self.motion.place(self.motion.s)
+
+    def _end_group_stops(self, state: CommandState, error_id: int) -> None:
+        for command in self._group_stops:
+            command.state, command.error_id = state, error_id
+        self._group_stops.clear()
 
     def follow_path(self, s: float, v: float, a: float) -> None:
         """Take over the set values of this cycle from the group."""
@@ -652,6 +661,7 @@ class NcAxis:
         group = self._group
         if group is not None:
             self._group = None
+            self._end_group_stops(CommandState.ERROR, error_id)
             group.fail(self.name)
         self.raw_output = None
         self.superposed.abort(CommandState.ERROR, error_id)

@@ -70,8 +70,8 @@ class GroupAxis(Protocol):
     def enter_group(self, group: AxisGroup) -> int:
         """Follow a path from now on; returns an error code, 0 for none."""
 
-    def leave_group(self) -> None:
-        """Be a PTP axis again."""
+    def leave_group(self, *, stopped: bool) -> None:
+        """Be a PTP axis again; `stopped`: the group stands at the end of its path, or of a stop."""
 
     def follow_path(self, s: float, v: float, a: float) -> None:
         """Take over the set values of this cycle."""
@@ -434,7 +434,7 @@ class InterpolationGroup:
             refused = axis.enter_group(self)
             if refused:
                 for one in taken:
-                    one.leave_group()
+                    one.leave_group(stopped=False)
                 return refused
             taken.append(axis)
         self._number, self._base = 0, 0.0
@@ -454,13 +454,18 @@ class InterpolationGroup:
         """Whether it brakes on the path for a stop."""
         return self._stopping
 
-    def abort(self) -> None:
-        """Let go of the axes at once."""
+    def abort(self, *, stopped: bool = False) -> None:
+        """Let go of the axes at once.
+
+        Args:
+            stopped: The group stands at the end of its path, or of a stop.
+
+        """
         if self.running:
             self.running = False
             self._pieces.clear()
             for axis in self._all:
-                axis.leave_group()
+                axis.leave_group(stopped=stopped)
 
     def fail(self, name: str) -> None:
         """Stop all axes, because one has an error (NC-739)."""
@@ -491,7 +496,7 @@ class InterpolationGroup:
             axis.follow_path(s, t * v, t * a + k * v * v)
         done = self._number == len(self._pieces) - 1 and piece.element.length - along <= _STANDS
         if (self._stopping or done) and path.done and abs(path.v) <= _STANDS:
-            self.abort()
+            self.abort(stopped=True)
 
     def _lead(self) -> None:
         """Choose the velocity of this cycle: that of the piece, or that of its end where the way is due."""

@@ -239,7 +239,9 @@ def _run_override(kind, override, way=40.0, feed=400.0, rapid=2000.0):
 
 @pytest.mark.requirement("NC-035")
 def test_stop_of_a_group():
-    """A stop of one axis brakes the whole group on its path; commands are refused, PTP mode is off."""
+    """A stop of one axis brakes the whole group on its path and is done when it stands; commands are refused,
+    PTP mode is off.
+    """
     pair = _Pair()
     pair.group.g1(100.0, x=300.0, x1=150.0)
     assert pair.group.start() == 0
@@ -251,6 +253,7 @@ def test_stop_of_a_group():
     stop = pair.y.handle.stop()
     for _ in range(300):
         pair.x.cycles()
+        assert stop.Done != pair.group.running
         assert pair.y.axis.motion.s == pytest.approx(0.5 * pair.x.axis.motion.s)
     assert stop.Done
     assert not pair.group.running
@@ -269,11 +272,15 @@ def test_error_and_enable_in_a_group():
         pair.group.g1(100.0, x=300.0, x1=150.0)
         pair.group.start()
         pair.x.cycles(200)
+        stops = [pair.x.handle.stop(), pair.y.handle.stop()]
+        pair.x.cycles(3)
         if cause == "error":
             pair.x.axis.raise_error(0x4464)
         else:
             pair.x.handle.power(False)
         pair.x.cycles(3)
+        assert [(stop.Done, stop.ErrorID) for stop in stops[:1]] == [(False, code)]
+        assert (stops[1].Done, stops[1].CommandAborted) == (False, True)
         assert pair.x.handle.error_id == code
         assert pair.y.handle.error_id == 0x43A0
         assert not pair.group.running
