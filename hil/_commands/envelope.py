@@ -161,7 +161,8 @@ def _tell(envelope: Envelope, changed: list[EnvelopeDifference], page: Path) -> 
     )
     if envelope.skipped:
         say(f"{envelope.skipped} branches left out: the budget was used up")
-    for axis in envelope.axes:
+    moved = [axis for axis in envelope.axes if _moves(envelope, axis)]
+    for axis in moved:
         for measure in MEASURES:
             if not any(branch.value(measure, axis) is not None for branch in envelope.branches):
                 continue
@@ -171,6 +172,8 @@ def _tell(envelope: Envelope, changed: list[EnvelopeDifference], page: Path) -> 
                 f"{worst.branch.time_s:.3f} s (cycle {worst.branch.cycle}), {worst.branch.stimulus}: "
                 f"{worst.branch.reaction}"
             )
+    if len(moved) < len(envelope.axes):
+        say(f"at rest in every branch: {', '.join(axis for axis in envelope.axes if axis not in moved)}")
     say(f"the reaction changes between {len(envelope.cliffs)} pairs of neighbouring instants")
     for stimulus, reason in envelope.refused.items():
         say(f"not possible: {stimulus}: {reason}")
@@ -182,6 +185,13 @@ def _tell(envelope: Envelope, changed: list[EnvelopeDifference], page: Path) -> 
         stimulus, measure, before, now = _in_words(row)
         say(f"{stimulus}, {measure}: {before} -> {now}")
     say(f"page: {page}")
+
+
+def _moves(envelope: Envelope, axis: str) -> bool:
+    """Return whether the machine of an axis moves in any branch, or in the undisturbed motion."""
+    positions = envelope.positions.get(axis, ())
+    ways = [branch.value("stop_distance", axis) or 0.0 for branch in envelope.branches]
+    return max(positions, default=0.0) > min(positions, default=0.0) or max(ways, default=0.0) > 0.0
 
 
 def _in_words(row: EnvelopeDifference) -> tuple[str, str, str, str]:
