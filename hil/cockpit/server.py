@@ -6,6 +6,7 @@ import asyncio
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from importlib.resources import files
 from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
     from hil.cockpit.machine import Machine
 
 PAGE: Final = Path(__file__).parent / "page"
+HOMING_STYLE: Final = Path(str(files("reports.html"))) / "templates" / "homing.css"
+"""The style of homing pictures is that of the reports."""
 _LIFE: Final = '{"kind":"life"}'
 """Sign of life of an operator; it does not wait for the thread of the bench."""
 _MOST_PAGES: Final = 16
@@ -191,6 +194,7 @@ def application(
         WebSocketRoute("/socket", pages.serve),
         Route("/uplot.js", lambda _: FileResponse(library / "uPlot.iife.js", media_type="text/javascript")),
         Route("/uplot.css", lambda _: FileResponse(library / "uPlot.min.css", media_type="text/css")),
+        Route("/homing.css", lambda _: FileResponse(HOMING_STYLE, media_type="text/css")),
         Mount("/page", StaticFiles(directory=PAGE)),
     ]
     return Guard(Starlette(routes=routes, lifespan=lifespan), hosts)

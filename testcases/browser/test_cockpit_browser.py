@@ -183,6 +183,17 @@ def test_jog_ends_where_the_window_loses_the_focus(page):
         page.actions().release().perform()
 
 
+def test_homing_is_drawn(page):
+    """The picture of a homing grows while the axis homes, and has all its steps at the end."""
+    page.enable()
+    assert not page.one("#view-axis .homing").is_displayed()
+    page.press("Home", "#view-axis")
+    page.until(lambda: page.all("#view-axis .homing-svg"), "a picture while it homes")
+    page.until(lambda: "Done: homed" in page.one("#view-axis .homing .note").text, "homed")
+    steps = [one.text for one in page.all("#view-axis .homing tbody strong")]
+    assert steps == ["start", "search +", "mark", "home \N{MINUS SIGN}", "home position"]
+
+
 def test_scope(page):
     """The scope shows every sample, holds at a trigger with what was before it, calculates, and saves."""
     page.enable()

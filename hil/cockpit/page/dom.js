@@ -26,6 +26,11 @@ export function s(tag, attributes = {}, ...children) {
   return element;
 }
 
+/** Make SVG elements of nested lists, `[tag, attributes, children]`; a child may be a text. */
+export function drawn([tag, attributes, children]) {
+  return s(tag, attributes, ...children.map((one) => (typeof one === "string" ? one : drawn(one))));
+}
+
 /** Set the text of an element, if it has changed: what a person has selected stays selected. */
 export function text(element, content) {
   if (element.textContent !== content) element.textContent = content;

@@ -13,11 +13,14 @@ from fieldbus.errors import HilError
 from hil.cockpit.axes import AxisDesk, NcDesk, S7Desk
 from hil.cockpit.messages import Message, MessageError
 from hil.cockpit.pane import Handler, Pane
+from hil.record import homing_drawings
+from reports.html.homing import drawing_payload
 
 if TYPE_CHECKING:
     from hil.bench.bench import Bench
     from hil.cockpit.client import Client
     from hil.cockpit.operator import Control
+    from hil.record import Trace
 
 _HARMLESS: Final = frozenset(
     {
@@ -71,6 +74,14 @@ class StopAll(Message):
     kind: Literal["axis.stop_all"]
 
 
+class AxisHoming(Message):
+    """Ask for the picture of the last homing of an axis, also while it goes on."""
+
+    operates = False
+    kind: Literal["axis.homing"]
+    axis: AxisName
+
+
 class AxisPane(Pane):
     """The axes of the bench.
 
@@ -100,6 +111,7 @@ class AxisPane(Pane):
         self._physical: frozenset[str] = frozenset()
         self._away = True
         """Whether the operator is away, so that the axes have been stopped."""
+        self._record: Callable[[], Trace] | None = None
 
     @property
     def handlers(self) -> Mapping[type[Message], Handler]:
@@ -109,10 +121,12 @@ class AxisPane(Pane):
             AxisJog: self._jog,
             AxisAway: lambda _, __: self._stop(),
             StopAll: lambda _, __: self._stop(),
+            AxisHoming: self._homing,
         }
 
     def begin(self, bench: Bench) -> None:
         """Take up a bench."""
+        self._record = bench.trace
         nc = bench.nc_axis_names
         self._desks = {
             name: NcDesk(bench, name) if name in nc else S7Desk(bench, name, self._folder)
@@ -128,6 +142,7 @@ class AxisPane(Pane):
 
     def end(self) -> None:
         """Give all axes back."""
+        self._record = None
         desks, self._desks = self._desks, {}
         for desk in desks.values():
             with suppress(HilError):
@@ -163,6 +178,13 @@ class AxisPane(Pane):
         for desk in self._desks.values():
             with suppress(HilError):
                 desk.stop()
+
+    def _homing(self, message: AxisHoming, _: Client) -> object:
+        """Return the picture of a homing as the report draws it; None: the axis has not been homed."""
+        if self._record is None:
+            return None
+        found = [one for one in homing_drawings(self._record()) if one.axis == message.axis]
+        return drawing_payload(found[-1]) if found else None
 
     def _desk(self, name: str) -> AxisDesk:
         if name not in self._desks:

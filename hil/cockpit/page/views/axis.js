@@ -1,6 +1,7 @@
 // An axis as on a control panel: what it does, and what an operator does with it.
 
 import { Panel, dot } from "../plot.js";
+import { Homing } from "../homing.js";
 import { field, h, mark, number, show, short, text, unit } from "../dom.js";
 
 const SHOWN_S = 10;
@@ -77,6 +78,7 @@ class AxisView {
     this.dynamics = new Map(DYNAMICS.map((name) => [name, this.#dynamic(name)]));
     this.more = h("div.commands", {});
     this.charts = h("div.charts", {});
+    this.homing = new Homing(context);
     this.element = h(
       "div.axis",
       {},
@@ -89,6 +91,7 @@ class AxisView {
           {},
           h("section.card", {}, h("div.head", {}, (this.title = h("h2", {}, "Axis")), h("span.spacer"), this.badges), this.alarms, this.notes, h("div.values", {}, this.position.element, this.velocity.element, this.following.element, this.torque.element)),
           h("section.card.charted", {}, h("div.head", {}, h("h2", {}, `Last ${SHOWN_S} s`), h("span.spacer"), h("button", { type: "button", onclick: () => this.#toScope() }, "Open in the scope")), this.charts),
+          this.homing.element,
         ),
         h(
           "div.column.narrow",
@@ -261,6 +264,7 @@ class AxisView {
     this.moreCard.open = found.leaders.length > 0;
     text(this.moreTitle, found.leaders.length ? `Gears and cams after ${found.leaders.join(" or ")}, other commands` : "Other commands");
     this.filled = false;
+    this.homing.begin(name);
     this.#chart();
   }
 
@@ -354,6 +358,7 @@ class AxisView {
     this.following.set(now.following_error);
     this.torque.set(now.torque);
     show(this.torque.element, now.torque !== null && now.torque !== undefined);
+    this.homing.state(now.state === "homing" || (now.job || "").startsWith("MC_Home"));
     this.#badges(now);
     this.#alarms(now);
     if (!this.filled && Object.keys(now.dynamics).length) {
