@@ -48,7 +48,8 @@ class _Tables:
     """Makes tables of a bench file for its first axis and the drive of that."""
 
     def __init__(self, config: BenchConfig) -> None:
-        self.axis, section = next(iter(config.s7_axes.items()))
+        # A virtual axis without a drive comes into question only where there is no other.
+        self.axis, section = min(config.s7_axes.items(), key=lambda item: not item[1].drive)
         self.drive = section.drive
         kind = OBJECTS[section.type]
         self._paths = {path for variable in variables_of(kind) for path in elements(variable)}

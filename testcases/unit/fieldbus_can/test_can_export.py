@@ -160,16 +160,17 @@ def test_any_log_comes_back(tmp_path_factory, frames, suffix):
 
 
 def test_foreign_candump_file(tmp_path):
-    """A file recorded with can-utils on a machine is read, FD frames and error frames left out."""
+    """A file recorded with can-utils on a machine is read without its error frames; `##` is CAN FD."""
     path = tmp_path / "machine.log"
     path.write_text(
         "(1700000000.000000) can0 181#0102\n"
         "(1700000000.100000) can0 20000088#0000000000000000\n"
-        "(1700000000.200000) can0 123##1112233\n"
+        "(1700000000.250000) can0 123##1112233\n"
         "(1700000000.500000) can0 00000701#R\n"
     )
     assert read_log(path) == [
         (0.0, CanFrame(0x181, b"\x01\x02")),
+        (0.25, CanFrame(0x123, b"\x11\x22\x33", fd=True, brs=True)),
         (0.5, CanFrame(0x701, extended=True, remote=True)),
     ]
 

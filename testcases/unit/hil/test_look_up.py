@@ -75,7 +75,7 @@ def test_faults_of_a_name_family_or_pattern(capsys):
     """One kind, a family, a part of a name, or all that match a pattern."""
     for name, first, count in (
         ("frame.drop", "frame.drop", 1),
-        ("axis", "axis.alarm", 1),
+        ("axis", "axis.alarm", 3),
         ("heartbeat_l", "drive.heartbeat_loss", None),
         ("switch.*", "switch.stuck", None),
     ):

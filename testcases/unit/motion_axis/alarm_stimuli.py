@@ -399,7 +399,8 @@ ELSEWHERE = {
     603: "testcases/unit/motion_axis/test_gear_in.py",
     608: "testcases/unit/motion_axis/test_gear_in.py",
     612: "testcases/unit/motion_axis/test_cam_in.py",
-    **dict.fromkeys((900, 901, 902, 903), "testcases/unit/motion_axis/test_leading_axis_proxy.py"),
+    **dict.fromkeys((114, 900, 901, 902, 903), "testcases/unit/motion_axis/test_leading_axis_proxy.py"),
+    **dict.fromkeys((752, 753, 754, 755), "testcases/unit/motion_axis/test_measuring_input.py"),
 }
 """Alarms that need a drive with parameters, a station or a stop in the way, and where they are brought about.
 """

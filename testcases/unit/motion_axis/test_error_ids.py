@@ -182,6 +182,7 @@ ELSEWHERE = {
     0x8017: "testcases/unit/motion_axis/test_gear_in.py",
     0x8018: "testcases/unit/motion_axis/test_gear_in.py",
     0x8019: "testcases/unit/motion_axis/test_gear_in.py",
+    0x80A3: "testcases/unit/motion_axis/test_measuring_input.py",
     **dict.fromkeys(
         (0x8026, 0x8034, 0x8035, 0x8036, 0x8079), "testcases/unit/motion_axis/test_gear_in_pos.py"
     ),

@@ -207,3 +207,19 @@ def test_wrong_inputs():
     refused = MeasuringInputHandle(rig.runtime, second).measure()
     rig.cycles(2)
     assert (refused.ErrorID, rig.alarms_of("second")) == (0x8001, [754])
+
+
+def test_one_measuring_job_per_encoder():
+    """While one measuring input waits for an edge, another one of the same encoder is refused with alarm
+    753.
+    """
+    rig = measuring(CENTRAL, velocity=0.0)
+    second = MeasuringInput(
+        "second", measured_object(rig.axis.object), kind=CENTRAL, cpu="S7-1500T", history=rig.history
+    )
+    rig.runtime.add_measuring_input(second)
+    first = rig.mark.measure()
+    rig.cycles(2)
+    refused = MeasuringInputHandle(rig.runtime, second).measure()
+    rig.cycles(2)
+    assert (refused.ErrorID, rig.alarms_of("second"), first.Busy) == (0x8001, [753], True)

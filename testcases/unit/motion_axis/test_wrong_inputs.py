@@ -73,7 +73,8 @@ CASES = [
     (name, key)
     for name in sorted(instructions.__all__)
     if name.startswith("MC_") and hasattr(getattr(instructions, name), "inputs")
-    if getattr(instructions, name).object_types != ("Cam",) and name not in ON_A_SYNCHRONOUS_JOB
+    if getattr(instructions, name).object_types not in (("Cam",), ("MeasuringInput",))
+    if name not in ON_A_SYNCHRONOUS_JOB
     for key in numeric(getattr(instructions, name))
 ]
 
