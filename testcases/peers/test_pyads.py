@@ -58,6 +58,13 @@ def until(plc, name, value, *, seconds=5.0):
         plc.del_device_notification(*handles)
 
 
+def enable(plc):
+    """Enable the axis; in each test that needs it, because tests may run in processes of their own."""
+    inputs = {f"MAIN.axis1_Power.{one}": True for one in ("Enable", "Enable_Positive", "Enable_Negative")}
+    assert set(plc.write_list_by_name(inputs).values()) == {"no error"}
+    until(plc, "GVL.axis1.Status.Operational", True)
+
+
 def test_an_axis_moves_by_symbols(plc):
     """Blocks are started by writing symbols, alone and in sums; their outputs and the process image come
     back.
@@ -68,9 +75,7 @@ def test_an_axis_moves_by_symbols(plc):
     assert (name, version.version, plc.read_state()) == ("Plc30 App", 3, (pyads.ADSSTATE_RUN, 0))
     names = {symbol.name for symbol in plc.get_all_symbols()}
     assert {"GVL.axis1.NcToPlc.ActPos", "GVL.axis1.Status.Homed", "MAIN.axis1_Stop.Execute"} <= names
-    inputs = {f"MAIN.axis1_Power.{one}": True for one in ("Enable", "Enable_Positive", "Enable_Negative")}
-    assert set(plc.write_list_by_name(inputs).values()) == {"no error"}
-    until(plc, "GVL.axis1.Status.Operational", True)
+    enable(plc)
     plc.write_list_by_name(
         {"MAIN.axis1_MoveAbsolute.Position": 20.0, "MAIN.axis1_MoveAbsolute.Velocity": 200.0}
     )
@@ -119,6 +124,7 @@ def test_the_plc_stops_by_control(plc):
     """Write control stops the PLC: the watchdog takes the enables; another one starts it again."""
     import pyads
 
+    enable(plc)
     plc.write_control(pyads.ADSSTATE_STOP, 0, 0, pyads.PLCTYPE_INT)
     assert plc.read_state() == (pyads.ADSSTATE_STOP, 0)
     plc.write_control(pyads.ADSSTATE_RUN, 0, 0, pyads.PLCTYPE_INT)
