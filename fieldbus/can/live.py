@@ -223,18 +223,8 @@ class LiveSegment:
         _realtime(scheduler)
         echo = True if options.get("receive_own_messages") else None
         bus = open_bus(name, interface, channel, options)
-        if bridge is None:
-            return cls(
-                scheduler,
-                bus,
-                name=name,
-                history=history,
-                keep_log=keep_log,
-                echo=echo,
-                lossy=lossy,
-                data_bitrate=fd_bitrate,
-            )
-        further = dict(bridge)
+        further = dict(bridge or {})
+        kernel = None
         if further.pop("gateway", "bench") == "kernel":
             from fieldbus.can.kernel_bridge import KernelBridge
 
@@ -243,6 +233,7 @@ class LiveSegment:
             except BusError as error:
                 bus.shutdown()
                 raise BusError(f"{name}: {error}") from error
+        if bridge is None or kernel is not None:
             segment = cls(
                 scheduler,
                 bus,

@@ -183,8 +183,8 @@ class Envelope:
         _known(measure)
         per_stimulus = [
             max(branches, key=lambda one: one.value(measure, axis) or 0.0)
-            for stimulus in self.stimuli
-            if (branches := [b for b in self.of(stimulus) if b.value(measure, axis) is not None])
+            for found in self._by_stimulus().values()
+            if (branches := [one for one in found if one.value(measure, axis) is not None])
         ]
         return sorted(per_stimulus, key=lambda one: -(one.value(measure, axis) or 0.0))[:most]
 
@@ -192,13 +192,19 @@ class Envelope:
     def cliffs(self) -> list[Cliff]:
         """Neighbouring instants between which the class of the reaction changes."""
         found: list[Cliff] = []
-        for stimulus in self.stimuli:
-            branches = self.of(stimulus)
+        for stimulus, branches in self._by_stimulus().items():
             found.extend(
                 Cliff(stimulus, left, right)
                 for left, right in pairwise(branches)
                 if left.reaction != right.reaction
             )
+        return found
+
+    def _by_stimulus(self) -> dict[str, list[Branch]]:
+        """Return all branches by their stimulus, in one pass: there can be tens of thousands."""
+        found: dict[str, list[Branch]] = {stimulus: [] for stimulus in self.stimuli}
+        for branch in self.branches:
+            found[branch.stimulus].append(branch)
         return found
 
     @property

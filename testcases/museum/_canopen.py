@@ -235,7 +235,7 @@ ENTRIES: Final[tuple[FieldError, ...]] = (
     ),
     FieldError(
         name="wrong-length-without-register",
-        title="An RPDO of the wrong length is told by EMCY, but the error register stays clear",
+        title="An RPDO of the wrong length is reported by EMCY, but the error register stays clear",
         area=_AREA,
         sources=(
             Source("CANopenNode/CANopenNode, pull request 628", f"{_REPOSITORY}/pull/628"),
