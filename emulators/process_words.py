@@ -57,6 +57,7 @@ class ProcessWords:
         self._carriers: tuple[ReceivePdo, ...] = ()
         self._counts: tuple[int, ...] = ()
         self._touches = False
+        self._kept_back = False
 
     def begin(self) -> None:
         """Find the PDOs that carry the words, when the slave has become operational."""
@@ -83,11 +84,20 @@ class ProcessWords:
 
     def give(self, frame: bytes) -> None:
         """Let an answer go with the next TPDOs."""
+        if self._kept_back:
+            self._kept_back = False
+            self._slave.pdos.mute(frozenset())
         words = self._from_words.unpack(frame)
         self._slave.values.update(zip(self._keys_out, words))  # noqa: B905 - as many as the struct has
         if self._touches:
             for key in self._keys_out:
                 self._slave.pdos.touch(key)
+
+    def keep_back(self) -> None:
+        """Send no TPDO that carries words, until the next answer: a fault has lost this one."""
+        if not self._kept_back:
+            self._kept_back = True
+            self._slave.pdos.mute(frozenset(self._keys_out))
 
 
 class SyncCycle:

@@ -12,7 +12,7 @@ from fieldbus.clock import Scheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.modbus.codes import ExceptionCode
 from fieldbus.modbus.map_file import BlockFile, MapFile
-from fieldbus.modbus.registers import Area, Block, RegisterMap, RegisterRefusal, WordOrder
+from fieldbus.modbus.registers import Area, Block, NoAnswer, RegisterMap, RegisterRefusal, WordOrder
 from fieldbus.profidrive import Telegram
 from fieldbus.profidrive.errors import ParameterAccessError
 from fieldbus.profidrive.requests import (
@@ -39,8 +39,10 @@ class ProcessDataDevice(Protocol):
     def receive(self, frame: bytes) -> None:
         """Take a telegram of the controller, words with the high byte first."""
 
-    def transmit(self) -> bytes:
-        """Return the telegram to the controller with the values of now."""
+    def transmit(self) -> bytes | None:
+        """Return the telegram to the controller with the values of now; None: the request stays
+        unanswered.
+        """
 
     def accessed(self) -> None:
         """Take note that a register was read or written which keeps the process
@@ -187,7 +189,10 @@ class DriveMap:
 
         def read(offset: int, count: int) -> Sequence[int]:
             self._seen(offset)
-            found = from_frame.unpack(self._device.transmit())
+            frame = self._device.transmit()
+            if frame is None:
+                raise NoAnswer
+            found = from_frame.unpack(frame)
             return (*[found[place] for place in places], *rest)[offset : offset + count]
 
         block.read = read

@@ -52,6 +52,13 @@ class RegisterRefusal(ModbusError):  # noqa: N818 - what happens, not what is wr
         self.code = code
 
 
+class NoAnswer(ModbusError):  # noqa: N818 - what happens, not what is wrong with the program
+    """Raised by a hook to leave the request unanswered."""
+
+    def __init__(self) -> None:
+        super().__init__("the request stays unanswered")
+
+
 class Block:
     """A run of registers or coils.
 

@@ -15,7 +15,7 @@ from fieldbus.modbus.codes import (
     Function,
 )
 from fieldbus.modbus.pdu import Request, Response, decode_request, encode_response, is_well_formed
-from fieldbus.modbus.registers import Area, RegisterMap
+from fieldbus.modbus.registers import Area, NoAnswer, RegisterMap
 
 _F: Final = Function
 _X: Final = ExceptionCode
@@ -172,7 +172,10 @@ class ModbusServer:
             if code:
                 return request, Response(function, exception=code)
         request = decode_request(pdu)
-        return request, self._execute(request)
+        try:
+            return request, self._execute(request)
+        except NoAnswer:
+            return request, None
 
     def _execute(self, request: Request) -> Response | bytes | None:
         function = request.function

@@ -780,7 +780,7 @@ class ModbusDevice(Protocol):
 
 
 class TelegramPort(Part, Protocol):
-    """The controller's port to a drive that is controlled by a PROFIdrive telegram."""
+    """Where the telegrams of a PROFIdrive drive pass: the controller's port to it, or the drive itself."""
 
     setpoint_seam: Callable[[bytes], bytes | None] | None
     """Filter of what goes to the drive."""
@@ -790,6 +790,13 @@ class TelegramPort(Part, Protocol):
     @property
     def telegram(self) -> Telegram:
         """Layout of both directions."""
+
+
+class TelegramDevice(Part, Protocol):
+    """An emulated device that makes its PROFIdrive telegrams itself."""
+
+    def transmit(self) -> bytes | None:
+        """Return the telegram to the controller; None: none is sent."""
 
 
 # -- I/O stations ----------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from emulators.drive.emulated_drive import MainsDrive
@@ -18,10 +19,13 @@ from emulators.trace import SERVO, Column, names_and_units, servo_values, value_
 from fieldbus.clock import Scheduler
 from fieldbus.errors import UnsupportedFaultError
 from fieldbus.history import History
+from fieldbus.profidrive import Telegram
 
 if TYPE_CHECKING:
     import numpy as np
 
+TelegramSeam = Callable[[bytes], bytes | None]
+"""For faults: another telegram, or none, in place of one."""
 _NOT_VALID: Final = 0x0001
 
 
@@ -94,6 +98,10 @@ class DriveOnBus(MainsDrive):
         """The axis without a bus."""
         self.parameters = DriveParameters(drive)
         """Parameters of the drive, read and written by the rules of the bus."""
+        self.setpoint_seam: TelegramSeam | None = None
+        """Changes what comes from the controller, before the drive takes it."""
+        self.actual_seam: TelegramSeam | None = None
+        """Changes what the drive sends, before it goes on the bus."""
         columns = (*_COLUMNS_BEFORE_BUS, *self.bus_columns, *_COLUMNS_AFTER_BUS)
         if config.encoder2 is not None:
             columns += _SECOND_ENCODER_COLUMNS
@@ -134,6 +142,24 @@ class DriveOnBus(MainsDrive):
     def state(self) -> AxisState:
         """State of the general state machine."""
         return self.drive.state
+
+    # -- telegrams -------------------------------------------------------------------------------------
+
+    @property
+    def telegram(self) -> Telegram:
+        """Layout of both directions."""
+        return self.drive.telegram
+
+    def receive(self, frame: bytes) -> None:
+        """Take a telegram of the controller; it acts in the next cycle of the drive."""
+        taken = frame if self.setpoint_seam is None else self.setpoint_seam(frame)
+        if taken is not None:
+            self.drive.receive(taken)
+
+    def transmit(self) -> bytes | None:
+        """Return the telegram to the controller with the values of now; None: a fault keeps it back."""
+        frame = self.drive.transmit()
+        return frame if self.actual_seam is None else self.actual_seam(frame)
 
     # -- faults ----------------------------------------------------------------------------------------
 

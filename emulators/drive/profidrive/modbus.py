@@ -267,14 +267,6 @@ class ProfidriveModbusDrive(DriveOnBus):
 
     # -- the drive as its registers see it -------------------------------------------------------------
 
-    def receive(self, frame: bytes) -> None:
-        """Take a telegram of the client; it acts in the next cycle of the drive."""
-        self.drive.receive(frame)
-
-    def transmit(self) -> bytes:
-        """Return the telegram to the client with the values of now."""
-        return self.drive.transmit()
-
     def accessed(self) -> None:
         """Keep the process data from timing out (PD-292)."""
         self.drive.accessed()

@@ -1,9 +1,8 @@
-"""Faults of PROFIdrive telegrams: a filter between the profile and the bus that carries it, on the
-controller's side.
+"""Faults of PROFIdrive telegrams: a filter between the profile and the bus that carries it.
 
-Both directions pass the port of the axis, whatever the bus and the drive, so that one
-seam serves CAN and Modbus, emulated and physical drives. Several faults of a direction work one after
-the other, in the order in which they came.
+An axis of the bench has it in its port, on the controller's side, so that one seam serves CAN and Modbus,
+emulated and physical drives. In front of somebody else's controller the emulated drive has it. Several
+faults of a direction work one after the other, in the order in which they came.
 """
 
 from __future__ import annotations
@@ -14,10 +13,19 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from hil.faults._kind import Action, Family, FaultType, Injection, drive_meant
+from fieldbus.errors import ConfigurationError
+from hil.faults._kind import Action, Family, FaultType, Injection, drive_meant, find_drive
 from hil.faults._parameters import Parameter
 from hil.faults.kinds import _places as places
-from hil.faults.seams import BenchWithAxes, BenchWithDrivesOfAxes, BenchWithPorts, Part, TelegramPort, offers
+from hil.faults.seams import (
+    BenchWithAxes,
+    BenchWithDrivesOfAxes,
+    BenchWithPorts,
+    Part,
+    TelegramDevice,
+    TelegramPort,
+    offers,
+)
 
 if TYPE_CHECKING:
     from fieldbus.profidrive.telegrams import Layout, Telegram
@@ -34,17 +42,33 @@ _SIGN_VALUES: Final = 15
 
 
 def _find_port(injection: Injection) -> TelegramPort:
-    """Return the port by which an axis of the bench controls the drive."""
-    bench = injection.bench
-    if not offers(bench, BenchWithPorts):
-        injection.refuse("this bench shows no ports of its axes")
-    axes = bench.axis_names if offers(bench, BenchWithAxes) else ()
-    drives = [bench.drive_of(name) for name in axes] if offers(bench, BenchWithDrivesOfAxes) else []
-    led = [name for name in drives if offers(bench.port(name), TelegramPort)]
-    port: Part = bench.port(drive_meant(injection, led or drives))
+    """Return the port by which the bench leads the drive; without one the drive itself."""
+    port = _port_of_bench(injection)
+    if port is None:
+        drive = find_drive(injection)
+        if not offers(drive, TelegramPort):
+            injection.refuse(
+                f"{drive.name} is led by no axis of the bench, and is no PROFIdrive drive in this process"
+            )
+        return drive
     if not offers(port, TelegramPort):
         injection.refuse(f"{port.name} is controlled by no PROFIdrive telegram")
     return port
+
+
+def _port_of_bench(injection: Injection) -> Part | None:
+    """Return the controller's port to the drive that is meant; None: somebody else leads it."""
+    bench = injection.bench
+    if not offers(bench, BenchWithPorts):
+        return None
+    axes = bench.axis_names if offers(bench, BenchWithAxes) else ()
+    drives = [bench.drive_of(name) for name in axes] if offers(bench, BenchWithDrivesOfAxes) else []
+    led = [name for name in drives if offers(bench.port(name), TelegramPort)]
+    meant = drive_meant(injection, led or drives)
+    try:
+        return bench.port(meant)
+    except ConfigurationError:
+        return None  # no port: `find_drive` says if there is no such drive either
 
 
 class _FilterChain:
@@ -217,10 +241,12 @@ class AtTelegram:
 
     Args:
         make: Returns what becomes of every telegram.
+        as_sent: Whether an emulated drive can do it to what it sends itself.
 
     """
 
     make: Callable[[Injection, Telegram], Filter]
+    as_sent: bool = True
     needs: None = None
 
     def __call__(self, injection: Injection) -> Action:
@@ -228,6 +254,8 @@ class AtTelegram:
         port = _find_port(injection)
         work = self.make(injection, port.telegram)
         setpoint = injection.values.text("direction") == "setpoint"
+        if not (self.as_sent or setpoint) and offers(port, TelegramDevice):
+            injection.refuse("what a drive sends is as long as its PDOs, or as the request asks for")
         return _filter_action(injection, port, setpoint=setpoint, work=work)
 
 
@@ -310,8 +338,9 @@ def _lose_control(injection: Injection, telegram: Telegram) -> Filter:
 # -- kinds -----------------------------------------------------------------------------------------------
 
 _REMARK: Final = (
-    "needs an axis of the bench that controls the drive by a PROFIdrive telegram; what passes on the bus"
-    " is true in the direction from the drive, and disturbed in the direction to it"
+    "needs a PROFIdrive drive that an axis of the bench controls, or an emulated one in front of somebody"
+    " else's controller; with an axis, what passes on the bus is true in the direction from the drive, and"
+    " disturbed in the direction to it"
 )
 _SIGNAL: Final = Parameter(
     "signal",
@@ -526,13 +555,14 @@ FAMILY: Final = Family(
             parameters=(_TELEGRAM_DIRECTION,),
             example={"target": "drive1", "duration_s": 0.1, "parameters": {"direction": "setpoint"}},
             text="""
-            No telegram is handed over, as with a bad status of its provider.
+            No telegram is handed over, as with a bad status of its provider. An emulated drive that somebody
+            else controls sends no TPDO with words of it, and leaves the Modbus request for it unanswered.
             """,
         ),
         _kind(
             "telegram.length",
             "The telegram has a wrong length",
-            AtTelegram(_change_length),
+            AtTelegram(_change_length, as_sent=False),
             parameters=(
                 _TELEGRAM_DIRECTION,
                 Parameter(
@@ -548,7 +578,8 @@ FAMILY: Final = Family(
             example={"target": "drive1", "duration_s": 0.1, "parameters": {"words": -1}},
             text="""
             The telegram has too many or too few words. One that comes is not taken over; one that goes
-            has its PDO shorter, which the drive reports, or, longer, is cut to what the PDOs hold.
+            has its PDO shorter, which the drive reports, or, longer, is cut to what the PDOs hold. What an
+            emulated drive sends to somebody else's controller has the length of its PDOs or of the request.
             """,
         ),
         _kind(
@@ -586,8 +617,10 @@ FAMILY: Final = Family(
     The kinds `telegram.*` act between the profile and the bus that carries it, in the port of the
     axis: on every transport, at emulated and physical drives, in both directions. `count` says how
     many telegrams are hit; every hit reports what has become of it. What passes on the bus is true in
-    the direction from the drive, and disturbed in the direction to it. The trace shows what the axis
-    reads (`axis1.zsw1`) next to what the drive does (`drive1.drive_zsw1`). Several faults at once work
-    one after the other.
+    the direction from the drive, and disturbed in the direction to it. Where somebody else controls an
+    emulated drive (`hil emulate --fault`, a drive without an axis in the process of the test), the drive
+    itself has the fault: what passes on the bus is disturbed in the direction from it. The trace shows
+    what the axis reads (`axis1.zsw1`) next to what the drive does (`drive1.drive_zsw1`). Several faults
+    at once work one after the other.
     """,
 )

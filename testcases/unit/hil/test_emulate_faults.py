@@ -8,12 +8,16 @@ import time
 
 import can
 import pytest
+from pymodbus.client import ModbusTcpClient
+from pymodbus.exceptions import ModbusIOException
 
 from testcases.processes import PATIENCE_S, Reader, hil_command
 
 pytestmark = pytest.mark.realtime
 
 GROUP = "239.74.163.22"
+ZSW1 = 40110 - 40001
+"""On the wire, in the map of SINAMICS."""
 READ_TYPE = bytes.fromhex("4000100000000000")
 
 
@@ -61,12 +65,42 @@ def test_a_master_meets_faults_on_the_way():
         drives.kill()
 
 
+def test_a_modbus_client_of_others_meets_faults_of_telegrams():
+    """The client of pymodbus sees a bit stuck in the status word; later a telegram is lost: its request stays
+    unanswered, and the next one is served.
+    """
+    faults = (
+        "telegram.stuck:signal=ZSW1.3,value=1,count=2",
+        "telegram.lost:count=1,at_s=0.5",
+    )
+    options = [part for fault in faults for part in ("--fault", fault)]
+    command = [*hil_command(), "emulate", "profidrive_tcp", *options]
+    drives = Reader(command, stream="stderr")
+    try:
+        port = int(drives.wait_for(r"Modbus TCP on 127.0.0.1:(\d+)").group(1))
+        drives.wait_for("^ready")
+        client = ModbusTcpClient("127.0.0.1", port=port, timeout=1.0, retries=0)
+        assert client.connect()
+        words = [client.read_holding_registers(ZSW1, count=1).registers[0] for _ in range(3)]
+        assert [word & 8 for word in words] == [8, 8, 0]
+        time.sleep(1.0)
+        with pytest.raises(ModbusIOException):
+            client.read_holding_registers(ZSW1, count=1)
+        client.close()
+        assert client.connect()
+        assert not client.read_holding_registers(ZSW1, count=1).isError()
+        client.close()
+        assert drives.end(signal.SIGTERM) == 0
+    finally:
+        drives.kill()
+
+
 @pytest.mark.parametrize(
     ("fault", "says"),
     [
         ("frame.corrupt", "frame.corrupt cannot be injected on a live bench"),
         ("axis.alarm:number=521", "somebody else's"),
-        ("telegram.lost", "no ports of its axes"),
+        ("telegram.lost", "no PROFIdrive drive in this process"),
     ],
 )
 def test_faults_that_are_not_possible(fault, says):

@@ -338,6 +338,8 @@ def _typed_parts(
     controller: Controller,
     on_can: ProfidriveCanPort,
     on_modbus: ProfidriveModbusPort,
+    drive_on_can: ProfidriveCanDrive,
+    drive_on_modbus: ProfidriveModbusDrive,
 ) -> tuple[
     seams.VirtualSegment,
     seams.BridgedSegment,
@@ -347,9 +349,11 @@ def _typed_parts(
     seams.ProgrammedController,
     seams.TelegramPort,
     seams.TelegramPort,
+    seams.TelegramDevice,
+    seams.TelegramDevice,
 ]:
     """Never called: the type checker compares the signatures."""
-    return medium, live, live, modbus, station, controller, on_can, on_modbus
+    return medium, live, live, modbus, station, controller, on_can, on_modbus, drive_on_can, drive_on_modbus
 
 
 def _typed_bench(

@@ -179,12 +179,16 @@ class ProfidriveCanDrive(DriveOnBus):
     # -- bus cycle -------------------------------------------------------------------------------------
 
     def _cycle(self) -> None:
-        drive = self.drive
-        frame = self._words.take()
+        words = self._words
+        frame = words.take()
         if frame is not None:
-            drive.receive(frame)
-        drive.cycle()
-        self._words.give(drive.transmit())
+            self.receive(frame)
+        self.drive.cycle()
+        answer = self.transmit()
+        if answer is None:
+            words.keep_back()
+        else:
+            words.give(answer)
 
     # -- faults ----------------------------------------------------------------------------------------
 
