@@ -80,6 +80,7 @@ SHIPPED: Final = (
     ShippedCampaign("limits", seeding=("reference", "analog", "nc")),
     ShippedCampaign("monitoring", seeding=("reference", "nc")),
     ShippedCampaign("control", seeding=("profidrive",)),
+    ShippedCampaign("instructions", seeding=("own",)),
     ShippedCampaign("motion_in", seeding=("reference",)),
     ShippedCampaign("encoders", seeding=("own",)),
     ShippedCampaign("external_encoder", seeding=(f"{PACKAGE}.external_encoder:REFERENCE",)),

@@ -101,7 +101,10 @@ def _check(
 
 
 def check_job_outputs(trace: Trace) -> list[Check]:
-    """No execution of an instruction ends in two of Done, CommandAborted and Error (MC-071)."""
+    """No execution of an instruction ends in two of Done, CommandAborted and Error (MC-071).
+
+    An instance that is started again while it is busy aborts its own job, and shows nothing of that (MC-069).
+    """
     jobs: dict[str, list[Event]] = {}
     for entry in trace.select(kind="job."):
         jobs.setdefault(f"{entry.source}/{entry.data.get('job')}", []).append(entry)
@@ -110,10 +113,15 @@ def check_job_outputs(trace: Trace) -> list[Check]:
     problems: list[tuple[float, str]] = []
     for name, entries in jobs.items():
         end: Event | None = None
+        busy = superseded = False
         for entry in entries:
             if entry.kind == "job.started":
                 end = None
+                superseded, busy = busy, True
+            elif entry.kind == "job.aborted" and superseded:
+                superseded = False
             elif entry.kind in _ENDS:
+                busy = False
                 if end is not None and end.kind != entry.kind and end.time_ns == entry.time_ns:
                     problems.append(
                         (entry.time_ns * 1e-9, f"{name}: {_ENDS[end.kind]} and {_ENDS[entry.kind]} together")
