@@ -54,12 +54,15 @@ def cockpit(
     """
     control = Control()
     machine = Machine(bench_file, control, seed=seed, first=first)
-    session = SessionPane(machine, folder)
+    axes = AxisPane(control, folder, allow_motion=allow_motion)
+    session = SessionPane(machine, folder, axes.recorders)
+    axes.on_away.append(session.operator_away)
+    axes.on_disabled.append(session.disabled)
     machine.use(
         [
             TimePane(machine, control),
             BenchPane(machine, folder),
-            AxisPane(control, folder, allow_motion=allow_motion, on_away=session.operator_away),
+            axes,
             ScopePane(folder),
             session,
             FaultPane(session.the_session),

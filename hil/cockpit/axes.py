@@ -8,12 +8,17 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from fieldbus.errors import HilError
 from hil.cockpit.messages import MessageError
+from hil.cockpit.nc_recording import NcRecorder, jog_key
+from hil.cockpit.recording import S7Recorder
 from hil.panel import NcPanelSession, PanelSession, parse
 from motion.nc.errors import error_text
 from motion.s7.axis.state import ENABLED
 
 if TYPE_CHECKING:
     from hil.bench.bench import Bench
+    from hil.cockpit.recording import AxisRecorder, StepLog
+    from motion.nc.handles import NcAxisHandle
+    from motion.s7.handles import AxisHandle
 
 MONITORING_S: Final = 2.0
 """Bench time without a sign of life after which an axis is stopped, disabled and given back, s (COM-024)."""
@@ -65,8 +70,8 @@ class AxisDesk(Protocol):
     def stop(self) -> None:
         """Stop as fast as the dynamics allow; harmless where nothing moves by the panel."""
 
-    def watch(self) -> None:
-        """Look whether the sign of life has failed for too long."""
+    def watch(self) -> bool:
+        """Look whether the sign of life has failed for too long; returns whether that disabled the axis."""
 
     def release(self) -> None:
         """Give the axis back, without waiting for it."""
@@ -74,9 +79,12 @@ class AxisDesk(Protocol):
     def close(self) -> None:
         """Give the axis back and wait for it."""
 
+    def recorder(self, log: StepLog) -> AxisRecorder:
+        """Return what records the commands of this axis as steps."""
 
-class _Said:
-    """What a session says."""
+
+class _Answers:
+    """What a session says to a command."""
 
     def __init__(self) -> None:
         self._lines: list[str] = []
@@ -106,34 +114,66 @@ def _offered(session: PanelSession | NcPanelSession) -> dict[str, tuple[str, str
     }
 
 
+def axis_desks(bench: Bench, folder: Path) -> dict[str, AxisDesk]:
+    """Return all axes of a bench by their names.
+
+    Args:
+        bench: A bench that has been brought up.
+        folder: Where pages are written.
+
+    """
+    nc = bench.nc_axis_names
+    return {
+        name: _nc_desk(bench, name) if name in nc else _s7_desk(bench, name, folder)
+        for name in bench.config.axis
+    }
+
+
+def _s7_desk(bench: Bench, name: str, folder: Path) -> S7Desk:
+    answers = _Answers()
+    session = PanelSession(
+        bench,
+        name,
+        monitoring_s=MONITORING_S,
+        plot=folder / "hil-optimisation.html",
+        write=answers.add,
+        advise=answers.add,
+        alive=False,
+    )
+    return S7Desk(bench.axis(name), session, answers.take, bench.recorder.reader(f"{name}.actual_torque"))
+
+
+def _nc_desk(bench: Bench, name: str) -> NcDesk:
+    answers, axis = _Answers(), bench.axis(name, controller="nc")
+    session = NcPanelSession(axis, time=bench, write=answers.add)
+    return NcDesk(axis, session, answers.take, lambda: bench.now_s)
+
+
 class S7Desk:
     """An S7 axis.
 
     Args:
-        bench: The bench.
-        name: Name of the axis.
-        folder: Where pages are written.
+        axis: The axis.
+        session: Carries its commands out.
+        answer: Returns what the session has said since the last call.
+        torque: Returns its actual torque, Nm; None where there is none.
 
     """
 
-    def __init__(self, bench: Bench, name: str, folder: Path) -> None:
-        self._said = _Said()
-        self._axis = axis = bench.axis(name)
-        self._session = PanelSession(
-            bench,
-            name,
-            monitoring_s=MONITORING_S,
-            plot=folder / "hil-optimisation.html",
-            write=self._said.add,
-            advise=self._said.add,
-            alive=False,
-        )
-        self._panel = self._session.panel
-        self._torque = bench.recorder.reader(f"{name}.actual_torque")
-        self.commands = _offered(self._session)
-        self._units = {
-            what: self._session.unit(what) for what in ("Length", "Velocity", "Acceleration", "Jerk")
-        }
+    def __init__(
+        self,
+        axis: AxisHandle,
+        session: PanelSession,
+        answer: Callable[[], str],
+        torque: Callable[[], float | None],
+    ) -> None:
+        self._axis = axis
+        self._session = session
+        self._answer = answer
+        self._panel = session.panel
+        self._torque = torque
+        self.commands = _offered(session)
+        self._units = {what: session.unit(what) for what in ("Length", "Velocity", "Acceleration", "Jerk")}
         self._leaders = [one.name for one in axis.object.leading_objects]
         self._read: Callable[[str], Any] = axis.var
 
@@ -222,13 +262,13 @@ class S7Desk:
     def execute(self, name: str, values: list[str | float]) -> str:
         """Carry out a command."""
         _execute(self._session, name, values)
-        return self._said.take()
+        return self._answer()
 
     def jog(self, percent: float) -> None:
         """Jog, or let go."""
         if percent:
             self._session.execute(f"jog {percent!r}")
-            self._said.take()
+            self._answer()
         elif self._panel.active:
             self._panel.slide(0.0)
 
@@ -244,8 +284,9 @@ class S7Desk:
             except HilError:
                 return  # it is being given back, which has stopped it
 
-    def watch(self) -> None:
-        """The panel watches its sign of life by itself."""
+    def watch(self) -> bool:
+        """Return False: the panel watches its sign of life by itself."""
+        return False
 
     def release(self) -> None:
         """Give the axis back."""
@@ -255,6 +296,10 @@ class S7Desk:
         """Give the axis back and wait for it."""
         self._panel.keep_alive(MONITORING_S / 5)
         self._session.close()
+
+    def recorder(self, log: StepLog) -> AxisRecorder:
+        """Return what records the commands of this axis as steps."""
+        return S7Recorder(self._axis, self._panel, log)
 
 
 def _remedy(alarm_class: str, restart: bool, stays_enabled: bool) -> str:
@@ -269,18 +314,26 @@ class NcDesk:
     """An NC axis. It has no sign of life of its own, so that the rule of the panel is kept here.
 
     Args:
-        bench: The bench.
-        name: Name of the axis.
+        axis: The axis.
+        session: Carries its commands out.
+        answer: Returns what the session has said since the last call.
+        now_s: Returns bench time, s.
 
     """
 
-    def __init__(self, bench: Bench, name: str) -> None:
-        self._bench = bench
-        self._said = _Said()
-        self._axis = bench.axis(name, controller="nc")
-        self._session = NcPanelSession(bench.axis(name, controller="nc"), time=bench, write=self._said.add)
-        self.commands = _offered(self._session)
-        self._beat_s = bench.now_s
+    def __init__(
+        self,
+        axis: NcAxisHandle,
+        session: NcPanelSession,
+        answer: Callable[[], str],
+        now_s: Callable[[], float],
+    ) -> None:
+        self._axis = axis
+        self._session = session
+        self._answer = answer
+        self._now_s = now_s
+        self.commands = _offered(session)
+        self._beat_s = now_s()
         self._jogs = 0.0
 
     def _number(self, key: str) -> float:
@@ -358,7 +411,7 @@ class NcDesk:
         """Carry out a command."""
         self.beat()
         _execute(self._session, name, values)
-        return self._said.take()
+        return self._answer()
 
     def jog(self, percent: float) -> None:
         """Hold one of the keys F1 to F4: above half of the slider the fast ones (NC-232 to NC-235)."""
@@ -367,15 +420,11 @@ class NcDesk:
         if not percent:
             self._session.execute("release")
             return
-        fast = abs(percent) > 50.0
-        key = {(True, True): "f4", (True, False): "f3", (False, False): "f2", (False, True): "f1"}[
-            (percent > 0.0, fast)
-        ]
-        self._session.execute(key)
+        self._session.execute(jog_key(percent))
 
     def beat(self) -> None:
         """Give a sign of life."""
-        self._beat_s = self._bench.now_s
+        self._beat_s = self._now_s()
 
     def stop(self) -> None:
         """Stop, if it is in operation."""
@@ -383,10 +432,12 @@ class NcDesk:
         if self._axis.operational:
             self._session.execute("f6")
 
-    def watch(self) -> None:
+    def watch(self) -> bool:
         """Take the enables away when no sign of life has come for the monitoring time."""
-        if self._axis.operational and self._bench.now_s - self._beat_s > MONITORING_S:
+        late = self._axis.operational and self._now_s() - self._beat_s > MONITORING_S
+        if late:
             self.release()
+        return late
 
     def release(self) -> None:
         """Take the enables away."""
@@ -396,3 +447,7 @@ class NcDesk:
     def close(self) -> None:
         """Stop, and take the enables away."""
         self._session.close()
+
+    def recorder(self, log: StepLog) -> AxisRecorder:
+        """Return what records the commands of this axis as steps."""
+        return NcRecorder(self._axis, self._session, log)

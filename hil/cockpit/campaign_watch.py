@@ -23,7 +23,7 @@ _RECENT: Final = 40
 
 
 class CampaignWatch:
-    """What is known of a campaign that runs. It may be asked and told from any thread.
+    """What is known of a campaign that runs. Any thread may read and update it.
 
     Args:
         title: What runs.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from enum import Enum
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.errors import ConfigurationError
@@ -63,6 +64,8 @@ class Call:
         for value in (*self.positional, *(self.options or {}).values()):
             if isinstance(value, Call):
                 yield from value.imports()
+            elif isinstance(value, Enum):
+                yield type(value).__module__, type(value).__name__
 
     def text(self, indent: int = 0, used: int = 0) -> str:
         """Return the source, over several lines where one is too short.
@@ -98,6 +101,8 @@ def literal(value: Any, name: str = "") -> str:
         return value.text
     if isinstance(value, bool) or value is None:
         return repr(value)
+    if isinstance(value, Enum):
+        return f"{type(value).__name__}.{value.name}"
     if isinstance(value, int):
         return f"0x{value:04X}" if name in _HEX and value > 9 else str(value)
     if isinstance(value, float):

@@ -29,7 +29,7 @@ _MOST_FRAMES: Final = 4_000_000
 _NO_BENCH: Final = "no bench is up: start one in the view Bench"
 
 Carried = Callable[["Client", Message, int], object]
-"""Told of every message that has been carried out: from whom, what, bench time in ns before it."""
+"""Called with every message that has been carried out: from whom, what, bench time in ns before it."""
 
 
 class Machine:
@@ -58,7 +58,7 @@ class Machine:
         self.failure = ""
         """Why no bench is up, in words."""
         self.carried_out: list[Carried] = []
-        """Told of every message that has been carried out, in the thread of the bench."""
+        """Called with every message that has been carried out, in the thread of the bench."""
         self.replays = False
         """Whether the present bench was brought up in the middle of a case."""
         self._seed = seed
@@ -172,7 +172,7 @@ class Machine:
         try:
             bench = self.bench = bench_file.build(seed=self._seed) if build is None else build()
             self.replays = build is not None
-            self.pace = Pace(bench)
+            self.pace = Pace(bench, live=bench.kind == "live")
             if self.replays:
                 self.pace.pause()  # it is there to be looked at
             for pane in self._panes:
@@ -259,8 +259,8 @@ class Machine:
             return
         client.send({**reply, "ok": True, "value": value})
         if not message.aside:
-            for told in self.carried_out:
-                told(client, message, before)
+            for call in self.carried_out:
+                call(client, message, before)
 
     def _welcome(self, client: Client) -> None:
         self._clients = [*self._clients, client]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from hil import expect
 from hil.cockpit.code_text import Call, Code, event_call
 from hil.cockpit.rehearsal import Look, Moment, Outputs
-from hil.cockpit.steps import Command, Inject, Step
+from hil.cockpit.steps import Command, Inject, SetInputs, Step
 from hil.expect import Expectation, evaluate, measure_stop
 from reports.model import Verdict
 
@@ -27,31 +27,42 @@ _PLACES: Final = ("home", "move_absolute", "move_relative")
 
 
 @dataclass(frozen=True)
+class Begun:
+    """The time of a step as a reference: a command to an NC axis leaves no event."""
+
+    number: int
+    """Of the step, from 0."""
+    offset_s: float = 0.0
+
+
+Reference = Call | Begun
+
+
+@dataclass(frozen=True)
 class Stopped:
-    """A stop that was measured: from an event to rest."""
+    """A stop that was measured: from a reference to rest."""
 
     axis: str
-    since: Call
+    since: Reference
     distance: float
     tolerance: float
     unit: str
 
-    def measured(self, trace: Trace) -> float | None:
-        """Return the travel of the same stop in another recording; None: it was none."""
-        selector: EventSelector = self.since.made
-        when = trace.instant(selector)
+    def measured(self, moment: Moment) -> float | None:
+        """Return the travel of the same stop in another run; None: it was none."""
+        when = _instant(moment, self.since)
         if when is None:
             return None
         return measure_stop(
-            trace,
+            moment.trace,
             when,
             velocity=f"{self.axis}.actual_velocity",
             position=f"{self.axis}.actual_position",
         ).distance
 
-    def holds(self, trace: Trace) -> bool:
-        """Return whether another recording has the same travel."""
-        found = self.measured(trace)
+    def holds(self, moment: Moment) -> bool:
+        """Return whether another run has the same travel."""
+        found = self.measured(moment)
         return found is not None and abs(found - self.distance) <= self.tolerance
 
 
@@ -75,8 +86,8 @@ class JobEnd:
 class Judgement:
     """What a test says at a look."""
 
-    reference: Call | None
-    """The event that it counts from; None: there is none."""
+    reference: Reference | None
+    """What it counts from; None: there is nothing."""
     expectations: tuple[Call, ...]
     stops: tuple[Stopped, ...]
     ends: tuple[JobEnd, ...]
@@ -88,18 +99,22 @@ class Chooser:
     Args:
         steps: All steps of the session.
         axes: Names of the axes.
+        nc: Those of an NC.
         cycle_s: Bus cycle, s.
 
     """
 
-    def __init__(self, steps: Sequence[Step], axes: Sequence[str], cycle_s: float) -> None:
+    def __init__(
+        self, steps: Sequence[Step], axes: Sequence[str], nc: Collection[str], cycle_s: float
+    ) -> None:
         self._steps = steps
         self._axes = tuple(axes)
+        self._nc = nc
         self._cycle_s = cycle_s
         self._looked_s = 0.0
         """Time of the last look."""
-        self._told: set[int] = set()
-        """Steps whose end has been told."""
+        self._stated: set[int] = set()
+        """Steps whose end has been stated."""
 
     def judge(self, look: Look, moments: Sequence[Moment]) -> Judgement:
         """Return what holds at a look in all rehearsals.
@@ -110,34 +125,34 @@ class Chooser:
 
         """
         first = moments[0]
-        reference = self._reference(look, first.trace)
+        reference = self._reference(look, first)
         candidates = list(self._candidates(look, first, reference))
-        kept = [one for one in candidates if all(_holds(one, moment.trace) for moment in moments)]
+        kept = [one for one in candidates if all(_holds(one, moment) for moment in moments)]
         judged = {(one.options or {}).get("axis", self._axes[0]) for one in kept if one.function == "stop"}
         stops = [
             one
-            for one in self._stops(first.trace, reference)
-            if one.axis not in judged and all(one.holds(moment.trace) for moment in moments)
+            for one in self._stops(first, reference)
+            if one.axis not in judged and all(one.holds(moment) for moment in moments)
         ]
         ends = [one for one in self._ends(look, first) if all(one.holds(moment.made) for moment in moments)]
-        self._told.update(one.number for one in ends)
+        self._stated.update(one.number for one in ends)
         self._looked_s = first.trace.end_s
         return Judgement(reference, tuple(_best(kept)), tuple(stops), tuple(ends))
 
     # -- from when on -------------------------------------------------------------------------------------
 
-    def _reference(self, look: Look, trace: Trace) -> Call | None:
+    def _reference(self, look: Look, moment: Moment) -> Reference | None:
         """Return the last thing since the last look that broke or stopped something; None: there is none."""
-        found: Call | None = None
+        found: Reference | None = None
         latest_s = self._looked_s
         for number in range(look.steps[-1] + 1):
             event = self._event_of(number)
-            when = None if event is None else trace.instant(event.made)
-            if when is not None and when >= latest_s:
+            when = None if event is None else _instant(moment, event)
+            if when is not None and when >= latest_s - 1e-9:
                 found, latest_s = event, when
         return found
 
-    def _event_of(self, number: int) -> Call | None:
+    def _event_of(self, number: int) -> Reference | None:
         step, before = self._steps[number], self._steps[:number]
         if isinstance(step, Inject):
             kinds = [one.fault.kind for one in self._steps if isinstance(one, Inject)]
@@ -147,6 +162,9 @@ class Chooser:
             return event_call("fault.applied", fault=step.fault.kind, nth=nth)
         if not isinstance(step, Command):
             return None
+        if step.axis in self._nc:
+            stops = step.name in _STOPPING or step.inputs.get("enable") is False
+            return Begun(number) if stops else None
         if step.name == "power" and step.inputs.get("enable") is False:
             nth = 1 + sum(
                 isinstance(one, Command)
@@ -163,20 +181,27 @@ class Chooser:
 
     # -- what may be expected -----------------------------------------------------------------------------
 
-    def _candidates(self, look: Look, moment: Moment, reference: Call | None) -> Iterator[Call]:
+    def _candidates(self, look: Look, moment: Moment, reference: Reference | None) -> Iterator[Call]:
         trace = moment.trace
-        since: Any = reference if reference is not None else None
-        since_s = _instant(trace, reference) if reference is not None else self._begin(look, moment)
-        yield from self._alarms(trace, since, since_s)
+        since_s = self._begin(look, moment) if reference is None else _known(moment, reference)
+        yield from self._alarms(trace, reference, since_s)
         if reference is not None:
-            for axis in self._moved_at(trace, since_s):
-                for mode in ("emergency", "maximum", "default"):
-                    yield self._call("stop", reference, mode, **self._axis(axis))
-            for axis in self._touched(trace, since_s):
-                yield from self._rest(trace, axis, reference, since_s)
+            moved = self._moved_at(trace, since_s)
+            for axis in moved:
+                if axis not in self._nc:
+                    for mode in ("emergency", "maximum", "default"):
+                        yield self._call("stop", reference, mode, **self._axis(axis))
+            touched = self._touched(trace, since_s)
+            for axis in self._axes:
+                if axis in touched or (axis in self._nc and axis in moved):
+                    yield from self._rest(trace, axis, reference, since_s)
         for axis in self._touched(trace, since_s):
             yield from self._state(trace, axis)
         yield from self._places(look, moment)
+
+    def _axis_of(self, number: int) -> str:
+        step = self._steps[number]
+        return step.axis if isinstance(step, Command) else ""
 
     def _axis(self, axis: str) -> dict[str, str]:
         return {"axis": axis} if len(self._axes) > 1 else {}
@@ -186,7 +211,10 @@ class Chooser:
         return Call(function, positional, options, "hil.expect")
 
     def _begin(self, look: Look, moment: Moment) -> float:
-        """Return when the first job of a look began, or the time of the last event before it."""
+        """Return when the first job of a look began; where there was none, the end."""
+        nc = [number for number in look.steps if self._axis_of(number) in self._nc]
+        if nc:
+            return moment.begun_s[nc[0]]
         names = {moment.made[number].name for number in look.steps}
         times = [
             entry.time_ns
@@ -195,7 +223,7 @@ class Chooser:
         ]
         return min(times) * 1e-9 if times else moment.trace.end_s
 
-    def _alarms(self, trace: Trace, since: Call | None, since_s: float) -> Iterator[Call]:
+    def _alarms(self, trace: Trace, since: Reference | None, since_s: float) -> Iterator[Call]:
         seen: set[tuple[str, object]] = set()
         for entry in trace.select(kind="alarm.raised"):
             key = (entry.source, entry.data.get("number"))
@@ -212,13 +240,12 @@ class Chooser:
                     options = self._since(since, since_s, entry)
                     yield self._call(name, shown, **options, **self._axis(entry.source))
         if since is not None:
-            nc = [axis for axis in self._axes if f"{axis}.set_velocity" in trace]
-            if not seen and len(nc) < len(self._axes):
+            if not seen and len(self._nc) < len(self._axes):
                 yield self._call("no_alarm", since=since)
-            if nc:
+            if self._nc:
                 yield self._call("no_axis_error", since=since)
 
-    def _since(self, since: Call | None, since_s: float, entry: Event) -> dict[str, Any]:
+    def _since(self, since: Reference | None, since_s: float, entry: Event) -> dict[str, Any]:
         if since is None:
             return {}
         delay_s = entry.time_ns * 1e-9 - since_s
@@ -240,7 +267,7 @@ class Chooser:
         sources = {entry.source for entry in trace.events if entry.time_ns * 1e-9 >= since_s - 1e-9}
         return [axis for axis in self._axes if axis in sources]
 
-    def _rest(self, trace: Trace, axis: str, reference: Call, since_s: float) -> Iterator[Call]:
+    def _rest(self, trace: Trace, axis: str, reference: Reference, since_s: float) -> Iterator[Call]:
         """Yield that an axis comes to rest and stays there."""
         name = f"{axis}.actual_velocity"
         if name not in trace:
@@ -253,7 +280,7 @@ class Chooser:
         bound_s = math.ceil(10.0 * (rests_s - since_s + _SETTLED_S)) / 10.0
         if since_s + bound_s >= trace.end_s:
             return
-        by = event_call_plus(reference, bound_s)
+        by = _plus(reference, bound_s)
         yield self._call("standstill", by=by, tolerance=_readable(limit), **self._axis(axis))
         if f"{axis}.actual_position" in trace:
             moved = trace[f"{axis}.actual_position"].between(since_s + bound_s, trace.end_s)
@@ -269,7 +296,7 @@ class Chooser:
             yield self._call("state_at", axis, now, str(last[0].data.get("to")))
 
     def _places(self, look: Look, moment: Moment) -> Iterator[Call]:
-        """Yield where axes are whose last job was to bring them to a place, and has done it."""
+        """Yield where axes are whose last job has brought them to a place, or was a jog that is over."""
         trace = moment.trace
         for axis in self._axes:
             mine = [
@@ -282,7 +309,8 @@ class Chooser:
                 continue
             step = self._steps[mine[-1]]
             assert isinstance(step, Command)  # chosen above
-            if step.name not in _PLACES or not moment.made[mine[-1]].done:
+            jogged = step.name == "jog" and self._let_go(mine[-1], look)
+            if not jogged and (step.name not in _PLACES or not moment.made[mine[-1]].done):
                 continue
             place = trace[name].at(trace.end_s)
             target = _readable(place, 6)
@@ -292,19 +320,24 @@ class Chooser:
             now = Code("bench.now_s", trace.end_s)
             yield self._call("value_at", name, now, target, tolerance=tolerance)
 
+    def _let_go(self, number: int, look: Look) -> bool:
+        """Return whether a jog has been ended when a look is taken."""
+        ends = (self._steps[one] for one in look.steps if one > number)
+        return any(isinstance(one, SetInputs) and one.step == number for one in ends)
+
     # -- numbers and jobs ---------------------------------------------------------------------------------
 
-    def _stops(self, trace: Trace, reference: Call | None) -> Iterator[Stopped]:
+    def _stops(self, moment: Moment, reference: Reference | None) -> Iterator[Stopped]:
         if reference is None:
             return
-        since_s = _instant(trace, reference)
+        trace, since_s = moment.trace, _known(moment, reference)
         for axis in self._moved_at(trace, since_s):
             if f"{axis}.actual_position" not in trace:
                 continue
             speed = abs(trace[f"{axis}.actual_velocity"].at(since_s))
             name = f"{axis}.actual_position"
             blank = Stopped(axis, reference, 0.0, 0.0, trace[name].unit)
-            distance = blank.measured(trace)
+            distance = blank.measured(moment)
             if distance is not None:
                 tolerance = _above(max(2.0 * self._cycle_s * speed, 1e-3 * distance))
                 shown = round(distance, max(0, 2 - math.floor(math.log10(tolerance))))
@@ -313,14 +346,16 @@ class Chooser:
     def _ends(self, look: Look, moment: Moment) -> Iterator[JobEnd]:
         for number, step in enumerate(self._steps[: look.steps[-1] + 1]):
             job = moment.made[number]
-            if number in self._told or not isinstance(step, Command) or step.name.startswith("power"):
+            if number in self._stated or not isinstance(step, Command) or step.name.startswith("power"):
                 continue
             if job.error or job.aborted:
                 yield JobEnd(number, "Error" if job.error else "CommandAborted", job.error_id)
 
 
-def event_call_plus(reference: Call, seconds: float) -> Call:
-    """Return the instant some time after an event."""
+def _plus(reference: Reference, seconds: float) -> Reference:
+    """Return the instant some time after a reference."""
+    if isinstance(reference, Begun):
+        return Begun(reference.number, reference.offset_s + seconds)
     return Call(
         reference.function,
         reference.positional,
@@ -344,19 +379,25 @@ def expectation(call: Call) -> Expectation:
     return made
 
 
-def _holds(call: Call, trace: Trace) -> bool:
+def _holds(call: Call, moment: Moment) -> bool:
     now = Call(
         call.function,
-        tuple(_at_end(one, trace) for one in call.positional),
-        call.options,
+        tuple(_timed(one, moment) for one in call.positional),
+        {name: _timed(one, moment) for name, one in (call.options or {}).items()},
         call.module,
     )
-    return all(check.verdict is Verdict.PASSED for check in evaluate(trace, [expectation(now)]))
+    return all(check.verdict is Verdict.PASSED for check in evaluate(moment.trace, [expectation(now)]))
 
 
-def _at_end(value: Any, trace: Trace) -> Any:
-    """Return `bench.now_s` as the end of a recording."""
-    return Code(value.text, trace.end_s) if isinstance(value, Code) and value.text == "bench.now_s" else value
+def _timed(value: Any, moment: Moment) -> Any:
+    """Return a time that a run has of its own: `bench.now_s` as its end, and that of a step."""
+    if isinstance(value, Begun):
+        return _instant(moment, value)
+    return (
+        Code(value.text, moment.trace.end_s)
+        if isinstance(value, Code) and value.text == "bench.now_s"
+        else value
+    )
 
 
 def _best(calls: Sequence[Call]) -> list[Call]:
@@ -373,8 +414,16 @@ def _best(calls: Sequence[Call]) -> list[Call]:
     return found
 
 
-def _instant(trace: Trace, reference: Call) -> float:
-    when = trace.instant(reference.made)
+def _instant(moment: Moment, reference: Reference) -> float | None:
+    if isinstance(reference, Begun):
+        number = reference.number
+        return moment.begun_s[number] + reference.offset_s if number < len(moment.begun_s) else None
+    selector: EventSelector = reference.made
+    return moment.trace.instant(selector)
+
+
+def _known(moment: Moment, reference: Reference) -> float:
+    when = _instant(moment, reference)
     assert when is not None  # chosen because it is there
     return when
 

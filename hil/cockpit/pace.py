@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from math import inf
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 from fieldbus.clock import S
 from hil.cockpit.messages import MessageError
 
 if TYPE_CHECKING:
-    from hil.bench.bench import Bench
+    from fieldbus.clock import Scheduler
 
 _SLICE_S: Final = 0.02
 """Wall time after which others have their turn, s."""
@@ -25,17 +25,40 @@ _LAG_S: Final = 1.0
 _MEASURED_S: Final = 1.0
 
 
+class Clock(Protocol):
+    """Time of a bench."""
+
+    @property
+    def scheduler(self) -> Scheduler:
+        """Its scheduler."""
+
+    @property
+    def now_s(self) -> float:
+        """Bench time, s."""
+
+    @property
+    def cycle_ns(self) -> int:
+        """Cycle of the bus, ns."""
+
+    def run_for(self, seconds: float) -> None:
+        """Let time pass."""
+
+    def run_until(self, predicate: Callable[[], object], timeout: float) -> bool:
+        """Let time pass until a condition holds; returns whether it did within `timeout`, s."""
+
+
 class Pace:
     """Time control of one bench; a live bench takes its time from the clock.
 
     Args:
-        bench: The bench.
+        clock: Time of the bench.
+        live: Whether it is a live one.
 
     """
 
-    def __init__(self, bench: Bench) -> None:
-        self._bench = bench
-        self.live = bench.kind == "live"
+    def __init__(self, clock: Clock, *, live: bool) -> None:
+        self._clock = clock
+        self.live = live
         self.running = True
         self.factor = 1.0
         """Bench time per time on the clock; infinite: as fast as the machine can."""
@@ -47,8 +70,8 @@ class Pace:
         """Bench time per time on the clock, measured."""
         self._condition: Callable[[], object] | None = None
         self._wall_s = time.monotonic()
-        self._base_s = bench.now_s
-        self._mark = (self._wall_s, bench.now_s)
+        self._base_s = clock.now_s
+        self._mark = (self._wall_s, clock.now_s)
 
     def run(self, factor: float | None = None) -> None:
         """Let time pass, at another speed where one is given.
@@ -91,8 +114,8 @@ class Pace:
         self._virtual("step")
         self.running = False
         self._forget()
-        cycle, now = self._bench.cycle_ns, self._bench.scheduler.now
-        self._bench.scheduler.run_for((now // cycle + cycles) * cycle - now)
+        cycle, now = self._clock.cycle_ns, self._clock.scheduler.now
+        self._clock.scheduler.run_for((now // cycle + cycles) * cycle - now)
 
     def run_to(self, condition: Callable[[], object], text: str) -> None:
         """Run on until a condition holds, then stand still.
@@ -116,7 +139,7 @@ class Pace:
 
     def _rebase(self) -> None:
         self._wall_s = time.monotonic()
-        self._base_s = self._bench.now_s
+        self._base_s = self._clock.now_s
 
     def advance(self) -> float:
         """Let a slice of time pass; returns how long nothing is to do, s."""
@@ -124,24 +147,24 @@ class Pace:
         now_s = time.monotonic()
         wall_s, bench_s = self._mark
         if now_s - wall_s >= _MEASURED_S:
-            self.speed = (self._bench.now_s - bench_s) / (now_s - wall_s)
-            self._mark = (now_s, self._bench.now_s)
+            self.speed = (self._clock.now_s - bench_s) / (now_s - wall_s)
+            self._mark = (now_s, self._clock.now_s)
         return wait_s
 
     def _advance(self) -> float:
-        bench = self._bench
+        clock = self._clock
         if self.live:
-            bench.run_for(_LIVE_SLICE_S)
+            clock.run_for(_LIVE_SLICE_S)
             return 0.0
         if not self.running:
             return _SLICE_S
         begun_s = time.monotonic()
         due_s = self._base_s + (begun_s - self._wall_s) * self.factor if self.factor < inf else inf
-        if due_s - bench.now_s > _LAG_S * max(self.factor, 1.0):
+        if due_s - clock.now_s > _LAG_S * max(self.factor, 1.0):
             self._rebase()
-            due_s = bench.now_s + (_SLICE_S * self.factor if self.factor < inf else inf)
-        end_s = min(due_s, bench.now_s + _MOST_S)
-        while (left_s := end_s - bench.now_s) > 0.5 / S:
+            due_s = clock.now_s + (_SLICE_S * self.factor if self.factor < inf else inf)
+        end_s = min(due_s, clock.now_s + _MOST_S)
+        while (left_s := end_s - clock.now_s) > 0.5 / S:
             if self._passed(min(left_s, _CHUNK_S)):
                 return _SLICE_S
             if time.monotonic() - begun_s > _SLICE_S:
@@ -152,9 +175,9 @@ class Pace:
         """Let time pass; returns whether the condition has come true meanwhile."""
         condition = self._condition
         if condition is None:
-            self._bench.run_for(seconds)
+            self._clock.run_for(seconds)
             return False
-        if not self._bench.run_until(condition, seconds):
+        if not self._clock.run_until(condition, seconds):
             return False
         self.met = self.condition_text
         self.running = False

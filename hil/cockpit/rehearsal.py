@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from fieldbus.clock import MS, S
-from hil.cockpit.steps import Command, Inject, Performer, Step, TimedStep
+from hil.cockpit.steps import Command, Inject, Performer, SetInputs, Step, TimedStep
 from hil.errors import ExpectationFailedError
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ WAITED_FOR: Final = {
     "power": ("status", "power.status"),
     "power_when_ready": ("status", "power.status"),
     "home": ("done", "job.done"),
+    "set_position": ("done", "job.done"),
     "reset": ("done", "job.done"),
     "move_absolute": ("done", "job.done"),
     "move_relative": ("done", "job.done"),
@@ -43,6 +44,13 @@ WAITED_FOR: Final = {
     "stop": ("done", "job.done"),
 }
 """Output of each command that a test waits for, and the event that shows it."""
+
+
+def awaited(step: Step) -> str:
+    """Return the output that a test waits for behind a step; empty: it waits for none."""
+    if not isinstance(step, Command) or step.inputs.get("enable") is False:
+        return ""
+    return WAITED_FOR.get(step.name, ("", ""))[0]
 
 
 @dataclass(frozen=True)
@@ -91,9 +99,16 @@ class Outputs:
     aborted: bool = False
     error_id: int = 0
 
+    @property
+    def failed(self) -> bool:
+        """Whether it ended otherwise than it should."""
+        return self.error or self.aborted
+
     @classmethod
     def of(cls, made: Any) -> Outputs:
-        """Return the outputs of an instance as they are now."""
+        """Return the outputs of an instance as they are now, or those that were kept of it."""
+        if isinstance(made, Outputs):
+            return made
         if not hasattr(made, "ErrorID"):
             return cls()
         return cls(
@@ -111,6 +126,8 @@ class Moment:
 
     trace: Trace
     made: tuple[Outputs, ...]
+    begun_s: tuple[float, ...]
+    """Times at which the steps were done, s."""
 
 
 class Script:
@@ -121,6 +138,7 @@ class Script:
         trace: Recording of the session.
         made: What each step has made.
         end_ns: Time at which the session is saved.
+        reached: Step on an NC axis -> when what is waited for behind it came, ns.
         exact: Whether all pauses stay as they were, and nothing else is waited for.
 
     """
@@ -132,9 +150,11 @@ class Script:
         made: Sequence[Any],
         end_ns: int,
         *,
+        reached: Mapping[int, int],
         exact: bool = False,
     ) -> None:
         self._trace = trace
+        self._reached_ns = reached
         self._exact = exact
         self._powers: dict[str, int] = {}
         """The last step that enables each axis, by its name."""
@@ -148,7 +168,8 @@ class Script:
             next_ns = end_ns if last else steps[number + 1].time_ns
             passed = self._pass(number, timed, made[number], next_ns)
             self.actions += passed
-            if passed and (last or _worth(timed.step)):
+            unlocked = not last and _unlocks(steps[number + 1].step, number)
+            if passed and (last or _worth(timed.step)) and not unlocked:
                 self.actions.append(Look(tuple(looked)))
                 looked = []
 
@@ -160,7 +181,7 @@ class Script:
         if isinstance(step, Command):
             if step.name.startswith("power"):
                 self._powers[step.axis] = number
-            reached_ns = self._reached(step, made, begin_ns, next_ns)
+            reached_ns = self._reached(number, step, made, begin_ns, next_ns)
             if reached_ns is not None:
                 found.append(_until(number, WAITED_FOR[step.name][0], begin_ns, reached_ns))
                 begin_ns = reached_ns
@@ -175,10 +196,13 @@ class Script:
             found.append(Pause(pause_ns / S))
         return found
 
-    def _reached(self, step: Command, made: Any, since_ns: int, until_ns: int) -> int | None:
+    def _reached(self, number: int, step: Command, made: Any, since_ns: int, until_ns: int) -> int | None:
         """Return when the output came that a test waits for; None: not before the next step."""
-        if step.name not in WAITED_FOR or step.inputs.get("enable") is False:
+        if not awaited(step):
             return None
+        reached_ns = self._reached_ns.get(number)
+        if reached_ns is not None:
+            return reached_ns if reached_ns <= until_ns else None
         kind = WAITED_FOR[step.name][1]
         if kind == "power.status":
             return self._enabled(step.axis, since_ns, until_ns)
@@ -219,9 +243,11 @@ class Script:
         """
         performer = Performer(bench)
         moments = []
+        begun_s: list[float] = []
         for action in self.actions:
             match action:
                 case Do():
+                    begun_s.append(bench.now_s)
                     performer.perform(action.step)
                 case Until():
                     wanted: Callable[[], object] = getattr(performer.made[action.number], action.output)
@@ -230,17 +256,19 @@ class Script:
                 case Pause():
                     bench.run_for(action.seconds)
                 case Look():
-                    moments.append(Moment(bench.trace(), tuple(map(Outputs.of, performer.made))))
+                    outputs = tuple(map(Outputs.of, performer.made))
+                    moments.append(Moment(bench.trace(), outputs, tuple(begun_s)))
         return moments
 
     def recorded(self, steps: Sequence[TimedStep], made: Sequence[Any], end_ns: int) -> list[Moment]:
         """Return what was there at each look of the session itself, for a bench that cannot do it again."""
         moments = []
+        outputs, begun_s = tuple(map(Outputs.of, made)), tuple(one.time_ns / S for one in steps)
         for action in self.actions:
             if isinstance(action, Look):
                 last = action.steps[-1]
                 until_ns = end_ns if last + 1 == len(steps) else steps[last + 1].time_ns
-                moments.append(Moment(self._trace.window(0.0, until_ns / S), tuple(map(Outputs.of, made))))
+                moments.append(Moment(self._trace.window(0.0, until_ns / S), outputs, begun_s))
         return moments
 
 
@@ -256,9 +284,16 @@ def _until(number: int, output: str, begin_ns: int, reached_ns: int) -> Until:
 
 def _worth(step: Step) -> bool:
     """Whether a test judges what comes of a step, and not of the next one only."""
+    if isinstance(step, SetInputs):  # the end of jogging, and of a stop
+        return step.inputs.get("JogForward") is False or step.inputs.get("Execute") is False
     return isinstance(step, Inject) or (
         isinstance(step, Command) and step.name not in {"power_when_ready", "reset", "jog", "move_velocity"}
     )
+
+
+def _unlocks(step: Step, number: int) -> bool:
+    """Return whether a step lets an axis go that the stop of another step holds, which is judged then."""
+    return isinstance(step, SetInputs) and step.step == number and "Execute" in step.inputs
 
 
 def _busy(trace: Trace) -> np.ndarray[Any, np.dtype[np.int64]]:

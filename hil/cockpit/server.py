@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 import uvicorn
 from starlette.applications import Starlette
-from starlette.requests import Request
-from starlette.responses import FileResponse, Response
+from starlette.responses import FileResponse, HTMLResponse
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
@@ -30,6 +29,7 @@ from hil.cockpit.messages import (
     MessageReader,
     RateLimit,
 )
+from hil.cockpit.page_text import PAGE, page_text
 from hil.cockpit.security import Admission, Guard, enter_routes
 
 if TYPE_CHECKING:
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
     from hil.cockpit.machine import Machine
 
-PAGE: Final = Path(__file__).parent / "page"
 HOMING_STYLE: Final = Path(str(files("reports.html"))) / "templates" / "homing.css"
 """The style of homing pictures is that of the reports."""
 _LIFE: Final = '{"kind":"life"}'
@@ -176,8 +175,12 @@ def application(
     """
     pages = Pages(machine, admission, rate)
 
-    async def index(_: Request) -> Response:
-        return FileResponse(PAGE / "index.html")
+    page = page_text(
+        "Cockpit",
+        styles=("/uplot.css", "/homing.css", "/page/cockpit.css", "/page/operations.css"),
+        scripts=("/uplot.js",),
+        module="/page/app.js",
+    )
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
@@ -189,7 +192,7 @@ def application(
 
     library = _library()
     routes = [
-        Route("/", index),
+        Route("/", lambda _: HTMLResponse(page)),
         *enter_routes(admission),
         WebSocketRoute("/socket", pages.serve),
         Route("/uplot.js", lambda _: FileResponse(library / "uPlot.iife.js", media_type="text/javascript")),

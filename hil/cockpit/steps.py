@@ -23,6 +23,7 @@ COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
     "power_when_ready": (),
     "reset": (),
     "home": ("position",),
+    "set_position": ("position",),
     "move_absolute": ("position",),
     "move_relative": ("distance",),
     "move_velocity": ("velocity",),

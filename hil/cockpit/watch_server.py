@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Final
 
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from hil.cockpit.page_text import PAGE, page_text
 from hil.cockpit.security import Admission, Guard, enter_routes
-from hil.cockpit.server import PAGE, http_server
+from hil.cockpit.server import http_server
 from reports import HistoryError, render_html
 from reports.model import RunResult
 
@@ -127,12 +128,13 @@ def watch_application(watch: CampaignWatch, admission: Admission, hosts: Iterabl
         hosts: Values of `Host` under which it is reached, with the port.
 
     """
-
-    async def index(_: Request) -> Response:
-        return FileResponse(PAGE / "watch.html")
-
+    page = page_text(
+        "Campaign",
+        styles=("/page/cockpit.css", "/page/operations.css", "/page/watch.css"),
+        module="/page/watch.js",
+    )
     routes = [
-        Route("/", index),
+        Route("/", lambda _: HTMLResponse(page)),
         *enter_routes(admission),
         *WatchPage(watch, admission).routes(),
         Mount("/page", StaticFiles(directory=PAGE)),

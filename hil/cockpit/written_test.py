@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from fieldbus.errors import HilError
 from hil.campaign import load_bench_file
 from hil.cockpit.code_text import WIDTH, Call, Code, import_lines, literal, trigger_call
-from hil.cockpit.observations import Chooser, JobEnd, Judgement, Stopped
+from hil.cockpit.observations import Begun, Chooser, JobEnd, Judgement, Stopped
 from hil.cockpit.rehearsal import Action, Do, Look, Moment, Pause, Script, Until
 from hil.cockpit.steps import (
     COMMANDS,
@@ -43,10 +43,13 @@ _NOUNS: Final = {
     "halt": "halting",
     "stop": "stopping",
     "reset": "acknowledgement",
+    "set_position": "setting",
     "move_absolute": "move",
     "move_relative": "move",
     "move_velocity": "travel",
 }
+_BEGIN: Final = "begin"
+"""Variable of what expectations count from."""
 _TAKEN: Final = {"bench", "trace", "faults", "axis", "drive", "pytest", "hit", "begin", "stopped"}
 
 
@@ -62,6 +65,10 @@ class Recorded:
     """Time at which it is saved, ns."""
     axes: tuple[str, ...]
     bench_file: BenchFile
+    reached: Mapping[int, int]
+    """Step on an NC axis -> when what a test waits for behind it came, ns."""
+    nc: tuple[str, ...]
+    """Those of the axes that an NC has."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +106,7 @@ def write_test(session: Recorded, *, name: str = "session", bench: str = "", tit
         raise CannotRunError("nothing was done in this session yet: there is no test to write")
     notes = list[str]()
     end_ns, recorded = session.end_ns, session.trace
-    script = Script(session.steps, recorded, session.made, end_ns)
+    script = Script(session.steps, recorded, session.made, end_ns, reached=session.reached)
     seen = script.recorded(session.steps, session.made, end_ns)
     if session.bench_file.kind != "virtual":
         runs = [seen]
@@ -112,14 +119,16 @@ def write_test(session: Recorded, *, name: str = "session", bench: str = "", tit
             different = str(error)
         if different:
             notes.append(f"all pauses stay as they were: {different}")
-            script = Script(session.steps, recorded, session.made, end_ns, exact=True)
+            script = Script(
+                session.steps, recorded, session.made, end_ns, reached=session.reached, exact=True
+            )
             runs = [_rehearse(script, session.bench_file, seed) for seed in SEEDS]
             still = _differences(seen, runs[0])
             notes += [still] if still else []
     looks = [one for one in script.actions if isinstance(one, Look)]
     steps = [one.step for one in session.steps]
     axes, cycle_ms = session.axes, session.bench_file.config.bench.cycle_ms
-    chooser = Chooser(steps, axes, cycle_ms / 1000)
+    chooser = Chooser(steps, axes, session.nc, cycle_ms / 1000)
     judged = {
         look.steps: chooser.judge(look, [moments[number] for moments in runs])
         for number, look in enumerate(looks)
@@ -203,6 +212,12 @@ class _Writer:
         self._imports: dict[str, set[str]] = {}
         self._used: set[str] = set()
         self._names = self._name_steps()
+        self._begun = {
+            one.reference.number
+            for one in judged.values()
+            if isinstance(one.reference, Begun) and _counts(one)
+        }
+        """Steps whose time expectations count from."""
         self._lines: list[str] = []
         self._pytest = False
 
@@ -252,6 +267,9 @@ class _Writer:
         for action in self._actions:
             match action:
                 case Do():
+                    if action.number in self._begun:
+                        self._used.add("bench")
+                        self._lines.append(f"    {_BEGIN} = bench.now_s")
                     self._do(action.number, action.step)
                 case Until():
                     self._used.add("bench")
@@ -351,9 +369,9 @@ class _Writer:
         if not calls and not stops and not judged.ends:
             return
         self._lines.append("")
-        name = ""
-        if reference is not None and (stops or any(_refers(one) for one in calls)):
-            name = "hit" if str(reference.positional[0]).startswith("fault.") else "begin"
+        name = _BEGIN if isinstance(reference, Begun) else ""
+        if isinstance(reference, Call) and _counts(judged):
+            name = "hit" if str(reference.positional[0]).startswith("fault.") else _BEGIN
             self._lines.append(f"    {name} = {self._note(reference).text(4, 3 + len(name))}")
         if calls:
             self._used.add("trace")
@@ -379,12 +397,13 @@ class _Writer:
         self._lines.append(f"    {whole}")
 
     def _stop(self, one: Stopped, since: str) -> None:
+        when = since if isinstance(one.since, Begun) else f"trace.instant({since})"
         self._used.add("trace")
         self._imports.setdefault("hil.expect", set()).add("measure_stop")
         velocity, position = (literal(f"{one.axis}.actual_{name}") for name in ("velocity", "position"))
         call = Call(
             "measure_stop",
-            (Code("trace()", None), Code(f"trace.instant({since})", None)),
+            (Code("trace()", None), Code(when, None)),
             {"velocity": Code(velocity, None), "position": Code(position, None)},
         )
         self._lines.append(f"    stopped = {call.text(4, 10)}")
@@ -398,9 +417,16 @@ class _Writer:
         return f"    assert {name}.{end.output}"
 
 
+def _counts(judged: Judgement) -> bool:
+    """Whether something of a judgement counts from its reference."""
+    return bool(judged.stops) or any(_refers(one) for one in judged.expectations)
+
+
 def _refers(call: Call) -> bool:
     values = [*call.positional, *(call.options or {}).values()]
-    return any(isinstance(one, Call) and one.function == "event" for one in values)
+    return any(
+        isinstance(one, Begun) or (isinstance(one, Call) and one.function == "event") for one in values
+    )
 
 
 def _with_name(call: Call, name: str) -> Call:
@@ -409,6 +435,8 @@ def _with_name(call: Call, name: str) -> Call:
         return call
 
     def named(value: Any) -> Any:
+        if isinstance(value, Begun):
+            return Code(f"{name} + {value.offset_s!r}" if value.offset_s else name, None)
         if not isinstance(value, Call) or value.function != "event":
             return value
         return Code(f"{name}{value.suffix}", value.made)

@@ -11,14 +11,14 @@ from motion.nc.blocks import JogMode, MC_Home, MC_Jog, MC_MoveAbsolute, MC_Stop
 from motion.nc.errors import error_text
 
 if TYPE_CHECKING:
-    from motion.nc.blocks import ExecuteBlock
+    from motion.nc.blocks import Block, ExecuteBlock
     from motion.nc.handles import NcAxisHandle
     from motion.nc.online import OnlineView
 
 _AFTER_COMMAND: Final = 4
 """Cycles that pass after a line of a script, so that it has acted when the next one is read."""
 _LONGEST_S: Final = 3600.0
-_JOGS: Final = {
+JOGS: Final = {
     "f1": (JogMode.MC_JOGMODE_STANDARD_FAST, True),
     "f2": (JogMode.MC_JOGMODE_STANDARD_SLOW, True),
     "f3": (JogMode.MC_JOGMODE_STANDARD_SLOW, False),
@@ -73,6 +73,8 @@ class NcPanelSession:
         self._stop = run(MC_Stop(ref))
         self._homing = run(MC_Home(ref))
         self._pressed = ""
+        self.job: Block | None = None
+        """Block that the last command has started or changed; None: it was none."""
         self._target = self._axis.position
         self._velocity = float(self._number("axis.manual_velocity_slow"))
         self._dynamics = dict.fromkeys(("Acceleration", "Deceleration", "Jerk"), 0.0)
@@ -105,12 +107,27 @@ class NcPanelSession:
             "f8": ("", "reset", self._reset),
             "f9": ("", "calibrate: home with the parameters of the axis", self._home),
             "cam": ("C", "cam of the PLC for F9, 0 or 1", self._cam),
-            "position": ("P", f"set the actual position, {unit}", self._axis.set_position),
+            "position": ("P", f"set the actual position, {unit}", self._set_position),
             "status": ("", "the online view", lambda: [self._write(line) for line in self.view()]),
             "wait": ("S", "let seconds pass", self._wait),
             "help": ("", "this list", lambda: [self._write(line) for line in help_lines(self.commands)]),
             "quit": ("", "take the enables away and end", self._quit),
         }
+
+    @property
+    def target(self) -> float:
+        """Field Target Position, position unit."""
+        return self._target
+
+    @property
+    def move_inputs(self) -> dict[str, float]:
+        """Velocity and dynamics with which `f5` starts, by the names of the inputs of the block."""
+        return {"Velocity": self._velocity, **self._dynamics}
+
+    @property
+    def stop_inputs(self) -> dict[str, float]:
+        """Dynamics with which `f6` stops, by the names of the inputs of the block."""
+        return {name: self._dynamics[name] for name in ("Deceleration", "Jerk")}
 
     def _number(self, key: str) -> float:
         return float(self._axis.object.parameters.cell(key).value)
@@ -124,6 +141,7 @@ class NcPanelSession:
         block.set(Execute=False)
         self.let_pass(2)
         block.set(Execute=True, **inputs)
+        self.job = block
 
     # -- what is shown
     # ----------------------------------------------------------------------------------------
@@ -235,6 +253,7 @@ class NcPanelSession:
         found = parse(text, self.commands)
         if found is not None:
             name, numbers = found
+            self.job = None
             self.commands[name][2](*numbers)
 
     def let_pass(self, cycles: int = _AFTER_COMMAND) -> None:
@@ -260,7 +279,7 @@ class NcPanelSession:
                 raise ConfigurationError(name, value, "0 or 1")
         if not 0.0 <= override <= 100.0:
             raise ConfigurationError("OVERRIDE", override, "0 to 100 %")
-        self._axis.power(
+        self.job = self._axis.power(
             controller == 1.0, positive=forward == 1.0, negative=backward == 1.0, override=override
         )
 
@@ -278,9 +297,10 @@ class NcPanelSession:
     def _key(self, key: str) -> Callable[..., None]:
         def press(seconds: float | None = None) -> None:
             self._release()
-            mode, backwards = _JOGS[key]
+            mode, backwards = JOGS[key]
             self._jog.set(Mode=mode, JogForward=not backwards, JogBackwards=backwards)
             self._pressed = key
+            self.job = self._jog
             if seconds is not None:
                 self._wait(seconds)
                 self._release()
@@ -295,20 +315,23 @@ class NcPanelSession:
 
     def _start(self) -> None:
         self._release()
-        self._give(self._move, Position=self._target, Velocity=self._velocity, **self._dynamics)
+        self._give(self._move, Position=self._target, **self.move_inputs)
 
     def _stops(self) -> None:
         self._release()
-        self._give(self._stop, Deceleration=self._dynamics["Deceleration"], Jerk=self._dynamics["Jerk"])
+        self._give(self._stop, **self.stop_inputs)
 
     def _reset(self) -> None:
         self._axis.online.reset_extremes()
         self._move.set(Execute=False)
-        self._axis.reset()
+        self.job = self._axis.reset()
 
     def _home(self) -> None:
         self._release()
         self._give(self._homing)
+
+    def _set_position(self, position: float) -> None:
+        self.job = self._axis.set_position(position)
 
     def _cam(self, state: float) -> None:
         if state not in (0.0, 1.0):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 from pydantic import Field
 
 from fieldbus.errors import HilError
-from hil.cockpit.axes import AxisDesk, NcDesk, S7Desk
+from hil.cockpit.axes import AxisDesk, axis_desks
 from hil.cockpit.messages import Message, MessageError
 from hil.cockpit.pane import Handler, Pane
 from hil.record import homing_drawings
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from hil.bench.bench import Bench
     from hil.cockpit.client import Client
     from hil.cockpit.operator import Control
+    from hil.cockpit.recording import AxisRecorder, StepLog
     from hil.record import Trace
 
 _HARMLESS: Final = frozenset(
@@ -89,22 +90,17 @@ class AxisPane(Pane):
         control: Who operates.
         folder: Where pages are written.
         allow_motion: Whether axes with a physical drive may be moved.
-        on_away: Told when all axes have been stopped because the operator is away.
 
     """
 
     name = "axis"
 
-    def __init__(
-        self,
-        control: Control,
-        folder: Path,
-        *,
-        allow_motion: bool,
-        on_away: Callable[[], object] = lambda: None,
-    ) -> None:
+    def __init__(self, control: Control, folder: Path, *, allow_motion: bool) -> None:
+        self.on_away: list[Callable[[], object]] = []
+        """Called when all axes have been stopped because the operator is away."""
+        self.on_disabled: list[Callable[[str], object]] = []
+        """Called with the name of an axis that was disabled because no sign of life came."""
         self._control = control
-        self._on_away = on_away
         self._folder = folder
         self._allow_motion = allow_motion
         self._desks: dict[str, AxisDesk] = {}
@@ -127,11 +123,7 @@ class AxisPane(Pane):
     def begin(self, bench: Bench) -> None:
         """Take up a bench."""
         self._record = bench.trace
-        nc = bench.nc_axis_names
-        self._desks = {
-            name: NcDesk(bench, name) if name in nc else S7Desk(bench, name, self._folder)
-            for name in bench.config.axis
-        }
+        self._desks = axis_desks(bench, self._folder)
         drives = bench.config.drive
         self._physical = frozenset(
             name
@@ -139,6 +131,10 @@ class AxisPane(Pane):
             if table.drive in drives and drives[table.drive].device == "physical"
         )
         self._away = True
+
+    def recorders(self, log: StepLog) -> dict[str, AxisRecorder]:
+        """Return what records the commands of each axis as steps."""
+        return {name: desk.recorder(log) for name, desk in self._desks.items()}
 
     def end(self) -> None:
         """Give all axes back."""
@@ -157,16 +153,22 @@ class AxisPane(Pane):
             return
         if not self._away:
             self._away = True
-            self._stop()
-            self._on_away()
-        for desk in self._desks.values():
-            desk.watch()
+            self._leave()
+        for name, desk in self._desks.items():
+            if desk.watch():
+                for call in self.on_disabled:
+                    call(name)
 
     def gone(self, client: Client) -> None:
         """Stop what the page has operated, and give the axes back by the rule of the sign of life."""
         if self._control.client is client:
-            self._stop()
-            self._on_away()
+            self._leave()
+
+    def _leave(self) -> None:
+        """Stop everything: the operator is away."""
+        self._stop()
+        for call in self.on_away:
+            call()
 
     def given_up(self) -> None:
         """Disable all axes and give them back, without waiting for it."""

@@ -11,7 +11,7 @@ columns are those of the reply to the subscription.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from struct import Struct
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from hil.bench.bench import Bench
     from hil.cockpit.client import Client
-    from hil.record import Group
+    from hil.record import Group, Recorder
 
 _HEADER: Final = Struct("<BBHIII")
 _SAMPLES: Final = 1
@@ -126,7 +126,8 @@ class ScopePane(Pane):
         self._folder = folder
         self._most_behind = most_behind
         self._held: Trace | None = None
-        self._bench: Bench | None = None
+        self._recorder: Recorder | None = None
+        self._now_ns: Callable[[], int] = lambda: 0
         self._subscriptions: dict[Client, _Subscription] = {}
         self._next_s = 0.0
 
@@ -137,11 +138,12 @@ class ScopePane(Pane):
 
     def begin(self, bench: Bench) -> None:
         """Take up a bench; the pages subscribe anew when they get its description."""
-        self._bench = bench
+        scheduler = bench.scheduler
+        self._recorder, self._now_ns = bench.recorder, lambda: scheduler.now
 
     def end(self) -> None:
         """Let go of it."""
-        self._bench = None
+        self._recorder = None
         self._subscriptions.clear()
 
     def gone(self, client: Client) -> None:
@@ -149,12 +151,9 @@ class ScopePane(Pane):
         self._subscriptions.pop(client, None)
 
     def _subscribe(self, message: Subscribe, client: Client) -> object:
-        bench = self._bench
-        if bench is None:
-            raise MessageError("signals: no bench is up")
         streams = []
-        for index, (group, columns) in enumerate(_wanted(bench, message.signals)):
-            back = self._rows_back(group, message.back_s, bench.scheduler.now)
+        for index, (group, columns) in enumerate(self._wanted(message.signals)):
+            back = self._rows_back(group, message.back_s)
             streams.append(_Stream(index, group, columns, group.rows - back))
         self._subscriptions[client] = _Subscription(message.number, streams)
         return [
@@ -163,12 +162,9 @@ class ScopePane(Pane):
         ]
 
     def _hold(self, message: HoldWindow, _: Client) -> int:
-        bench = self._bench
-        if bench is None:
-            raise MessageError("signals: no bench is up")
         ends = [round(one * 1e9) for one in (message.from_s, message.to_s)]
         groups = []
-        for group, columns in _wanted(bench, message.signals):
+        for group, columns in self._wanted(message.signals):
             content = group.content_from(0)
             stride = 8 * (1 + len(group.columns))
             times = np.frombuffer(content, dtype="<i8").reshape(-1, stride // 8)[:, 0]
@@ -178,7 +174,7 @@ class ScopePane(Pane):
             names = tuple(group.columns[one] for one in columns)
             enums = {name: group.enums[name] for name, _ in names if name in group.enums}
             groups.append(TraceGroup.from_bytes(group.name, names, enums, kept))
-        self._held = Trace(groups, end_ns=bench.scheduler.now)
+        self._held = Trace(groups, end_ns=self._now_ns())
         return max((len(group.time_ns) for group in groups), default=0)
 
     def _save(self, message: SaveWindow, _: Client) -> str:
@@ -189,18 +185,18 @@ class ScopePane(Pane):
             raise MessageError(f"name: {message.name} is there already")
         return str(write_signals(self._held, path))
 
-    def _rows_back(self, group: Group, seconds: float, now_ns: int) -> int:
+    def _rows_back(self, group: Group, seconds: float) -> int:
         """Return how many of the newest rows are not older than some seconds."""
         if not seconds:
             return 0
         from_row = max(group.first_row, group.rows - self._most_behind)
         table = np.frombuffer(group.content_from(from_row), dtype="<i8").reshape(-1, 1 + len(group.columns))
-        return len(table) - int(np.searchsorted(table[:, 0], now_ns - round(seconds * 1e9)))
+        return len(table) - int(np.searchsorted(table[:, 0], self._now_ns() - round(seconds * 1e9)))
 
     def pulse(self, now_s: float) -> None:
         """Send what is new, and bound what is kept."""
-        bench = self._bench
-        if bench is None or now_s < self._next_s:
+        recorder = self._recorder
+        if recorder is None or now_s < self._next_s:
             return
         self._next_s = now_s + _PERIOD_S
         for client, subscription in self._subscriptions.items():
@@ -210,32 +206,32 @@ class ScopePane(Pane):
                 frame = stream.frame(subscription.number, self._most_behind)
                 if frame is not None:
                     client.send(frame)
-        for group in bench.recorder.groups:
+        for group in recorder.groups:
             if group.rows - group.first_row > 2 * KEPT_ROWS:
                 group.forget(KEPT_ROWS)
 
     def description(self) -> object:
         """Return all signals with their units, and the texts of those that are states."""
-        bench = self._bench
-        return None if bench is None else list(_signals(bench.recorder.groups))
+        return None if self._recorder is None else list(_signals(self._recorder.groups))
 
+    def _wanted(self, signals: Iterable[str]) -> list[tuple[Group, list[int]]]:
+        """Return the groups of signals with the numbers of their columns.
 
-def _wanted(bench: Bench, signals: Iterable[str]) -> list[tuple[Group, list[int]]]:
-    """Return the groups of signals with the numbers of their columns.
+        Raises:
+            MessageError: No bench is up, or a signal is not recorded.
 
-    Raises:
-        MessageError: A signal is not recorded.
-
-    """
-    groups = {group.name: group for group in bench.recorder.groups}
-    wanted: dict[str, list[int]] = {}
-    for signal in dict.fromkeys(signals):
-        name, _, column = signal.partition(".")
-        names = [one for one, _ in groups[name].columns] if name in groups else []
-        if column not in names:
-            raise MessageError(f"signals: {signal!r} is not recorded")
-        wanted.setdefault(name, []).append(names.index(column))
-    return [(groups[name], columns) for name, columns in wanted.items()]
+        """
+        if self._recorder is None:
+            raise MessageError("signals: no bench is up")
+        groups = {group.name: group for group in self._recorder.groups}
+        wanted: dict[str, list[int]] = {}
+        for signal in dict.fromkeys(signals):
+            name, _, column = signal.partition(".")
+            names = [one for one, _ in groups[name].columns] if name in groups else []
+            if column not in names:
+                raise MessageError(f"signals: {signal!r} is not recorded")
+            wanted.setdefault(name, []).append(names.index(column))
+        return [(groups[name], columns) for name, columns in wanted.items()]
 
 
 def _signals(groups: Iterable[Group]) -> Iterable[dict[str, Any]]:

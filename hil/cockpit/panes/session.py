@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -13,7 +13,6 @@ from hil.cockpit.messages import Message, MessageError
 from hil.cockpit.pane import Handler, Pane
 from hil.cockpit.panes.axis import AxisAway, AxisCommand, AxisJog, StopAll
 from hil.cockpit.panes.time_control import ReleaseControl, RunToEvent, RunToSignal, RunToTime
-from hil.cockpit.recording import AxisRecorder
 from hil.cockpit.session import Session
 from hil.cockpit.steps import Remark
 from hil.cockpit.written_test import WrittenTest, bench_for_test, save_bench, save_text, write_test
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from hil.bench.bench import Bench
     from hil.cockpit.client import Client
     from hil.cockpit.machine import Machine
+    from hil.cockpit.recording import AxisRecorder, StepLog
     from hil.cockpit.written_test import Recorded
 
 _Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[\w .,()/+-]+$")]
@@ -69,16 +69,20 @@ class SessionPane(Pane):
     Args:
         machine: Has the bench, and tells of every message that was carried out.
         folder: Where files are saved.
+        recorders: Returns what records the commands of each axis of the bench that is up.
 
     """
 
     name = "session"
 
-    def __init__(self, machine: Machine, folder: Path) -> None:
+    def __init__(
+        self, machine: Machine, folder: Path, recorders: Callable[[StepLog], dict[str, AxisRecorder]]
+    ) -> None:
         self._machine = machine
+        self._recorders = recorders
         self._folder = folder
         self._session: Session | None = None
-        self._axes: AxisRecorder | None = None
+        self._axes: dict[str, AxisRecorder] = {}
         self._held: Recorded | None = None
         self._written: tuple[str, str] | None = None
         """Form and text of what was written last."""
@@ -110,26 +114,28 @@ class SessionPane(Pane):
     def begin(self, bench: Bench) -> None:
         """Begin a new session."""
         self._session = Session(bench)
-        self._axes = AxisRecorder(self._session)
+        self._axes = self._recorders(self._session)
 
     def end(self) -> None:
         """End the session."""
-        self._session = self._axes = None
+        self._session = None
+        self._axes = {}
 
     def _follow(self, _: Client, message: Message, time_ns: int) -> None:
         """Record a message of another pane."""
         axes, session = self._axes, self._session
-        if axes is None or session is None:
+        if session is None:
             return
         match message:
             case AxisCommand():
-                axes.command(message.axis, message.command, message.values, time_ns)
+                axes[message.axis].command(message.command, message.values, time_ns)
             case AxisJog():
-                axes.jog(message.axis, message.slider, time_ns)
+                axes[message.axis].jog(message.slider, time_ns)
             case StopAll() | AxisAway():
-                axes.stop_all(time_ns)
+                self._stopped(time_ns)
             case ReleaseControl():
-                axes.released(time_ns)
+                for one in axes.values():
+                    one.released(time_ns)
             case RunToTime():
                 session.note(Remark(f"until {message.time_s:g} s"), time_ns=time_ns)
             case RunToSignal():
@@ -175,10 +181,24 @@ class SessionPane(Pane):
             save_bench(own, self._folder / name)
         return str(save_text(text, self._folder, message.name, ending="py" if form == "pytest" else "toml"))
 
+    def pulse(self, now_s: float) -> None:  # noqa: ARG002 - it looks every time
+        """Record what follows from commands later on."""
+        for one in self._axes.values():
+            one.look()
+
+    def _stopped(self, time_ns: int) -> None:
+        for one in self._axes.values():
+            one.stopped(time_ns)
+
     def operator_away(self) -> None:
         """Record that everything was stopped because the operator is away."""
-        if self._axes is not None and self._session is not None:
-            self._axes.stop_all(self._session.bench.scheduler.now)
+        if self._session is not None:
+            self._stopped(self._session.now_ns)
+
+    def disabled(self, axis: str) -> None:
+        """Record that an axis was disabled because the operator gave no sign of life."""
+        if self._session is not None:
+            self._axes[axis].released(self._session.now_ns)
 
     def _steps(self, message: SessionSteps, _: Client) -> object:
         return self.the_session().to_dicts(message.since)[-_MOST_SHOWN:]

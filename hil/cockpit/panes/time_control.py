@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from pydantic import Field
 
-from fieldbus.history import Event
+from fieldbus.history import Event, History
 from hil.cockpit.messages import Message, MessageError
 from hil.cockpit.pane import Handler, Pane
 
 if TYPE_CHECKING:
-    from hil.bench.bench import Bench
     from hil.cockpit.client import Client
     from hil.cockpit.machine import Machine
     from hil.cockpit.operator import Control
@@ -142,7 +141,7 @@ class TimePane(Pane):
 
     def _to_event(self, message: RunToEvent, _: Client) -> None:
         bench = self._machine.the_bench()
-        found = _Watch(bench, message.event, message.source)
+        found = _Watch(bench.history, message.event, message.source)
         text = f"event {message.event}" + (f" of {message.source}" if message.source else "")
         self._machine.the_pace().run_to(found, text)
 
@@ -163,11 +162,11 @@ class TimePane(Pane):
 class _Watch:
     """Whether an event has come since this was made."""
 
-    def __init__(self, bench: Bench, kind: str, source: str) -> None:
+    def __init__(self, history: History, kind: str, source: str) -> None:
         self._kind = kind
         self._source = source
         self._came = False
-        self._end = bench.history.listen(self._listen)
+        self._end = history.listen(self._listen)
 
     def _listen(self, event: Event) -> None:
         if event.kind == self._kind and self._source in {"", event.source}:

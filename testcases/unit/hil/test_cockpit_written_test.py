@@ -4,11 +4,14 @@ import inspect
 import subprocess
 import sys
 import tomllib
+from pathlib import Path
 
 import pytest
 
 from hil import CurrentTrace, Injector, faults
+from hil.bench.makes import with_nc_axes
 from hil.campaign import Runner, RunOptions, find_campaigns, load_bench_file, select_cases
+from hil.cockpit.axes import axis_desks
 from hil.cockpit.code_text import trigger_call
 from hil.cockpit.matrix_text import write_matrix
 from hil.cockpit.session import Session
@@ -28,12 +31,12 @@ def recorded(session, name="reference"):
     return session.recorded(load_bench_file(name))
 
 
-def call(text, name="reference", seed=5):
+def call(text, name="reference", seed=5, file=None):
     """Call the test function of a module with the fixtures that the plugin gives it."""
     module = {"__name__": "written"}
     exec(compile(text, "written.py", "exec"), module)
     function = next(one for key, one in module.items() if key.startswith("test_"))
-    with load_bench_file(name).build(seed=seed) as bench:
+    with (file or load_bench_file(name)).build(seed=seed) as bench:
         given = {
             "bench": bench,
             "axis": bench.axis(),
@@ -188,6 +191,79 @@ def test_triggers_are_written_as_the_calls_that_make_them():
         assert eval(text, vars(faults)) == trigger
     kinds = {trigger.to_dict()["when"] for trigger in forms.values()}
     assert kinds == set(TRIGGERS) - {"position", "velocity"}
+
+
+def by_hand(file):
+    """Return the session of an operator who enables an NC axis at half speed, jogs it, moves it to a target,
+    stops it, moves it back and sets its position.
+    """
+    with file.build(seed=0) as bench:
+        (desk,) = axis_desks(bench, Path()).values()
+        session = Session(bench)
+        recorder = desk.recorder(session)
+
+        def wait(cycles):
+            for _ in range(cycles):
+                bench.run_for(0.02)
+                desk.beat()
+                recorder.look()
+
+        def do(name, *values):
+            before = session.now_ns
+            desk.execute(name, list(values))
+            recorder.command(name, values, before)
+
+        def jog(slider):
+            before = session.now_ns
+            desk.jog(slider)
+            recorder.jog(slider, before)
+
+        do("enable", 50.0)
+        wait(30)
+        for slider, cycles in ((30.0, 20), (0.0, 30)):
+            jog(slider)
+            wait(cycles)
+        do("target", 250.0)
+        do("velocity", 400.0)
+        do("f5")
+        wait(20)
+        do("f6")
+        wait(40)
+        do("target", 10.0)
+        do("f5")
+        wait(120)
+        do("position", 0.0)
+        wait(5)
+        return session.recorded(file)
+
+
+def test_a_session_with_an_nc_axis_becomes_a_test():
+    """Keys, fields and enables of an NC axis are calls of its blocks; the test is green, and red with defects
+    of override, jog and stop that the session came by.
+    """
+    file = with_nc_axes(load_bench_file("reference"), "reference")
+    written = write_test(by_hand(file), bench="nc.toml")
+    assert written.notes == ()
+    for line in (
+        "from motion.nc.blocks import JogMode",
+        "    power = axis.power(override=50.0)",
+        "    jogging = axis.jog(mode=JogMode.MC_JOGMODE_STANDARD_SLOW)",
+        "    jogging.set(JogForward=False, JogBackwards=False)",
+        "    move = axis.move_absolute(250.0, Velocity=400.0)",
+        "    begin = bench.now_s",
+        "    stopping = axis.stop()",
+        "    bench.wait_until(stopping.done, timeout=1.0)",
+        "    stopping.set(Execute=False)",
+        "    assert move.CommandAborted",
+        "    setting = axis.set_position(0.0)",
+    ):
+        assert f"\n{line}\n" in written.text
+    assert "assert stopped.distance == pytest.approx(" in written.text
+    assert "#" not in written.text.replace("  # mm", "")  # nothing is left to be written by hand
+    call(written.text, file=file)
+    for defect in ("nc-override-without-effect", "nc-jogs-with-the-other-velocity"):
+        with seeded(CATALOGUE[defect], set()), pytest.raises((AssertionError, ExpectationFailedError)):
+            call(written.text, file=file)
 
 
 def test_what_is_no_session_is_refused():
