@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import floor
 from typing import TYPE_CHECKING, Final
 
 from motion.nc.commands import ENDLESS, POSITION, STOP, BufferMode, Command, CommandState
@@ -10,6 +9,7 @@ from motion.nc.controller import Controller
 from motion.nc.coupling import Coupling
 from motion.nc.device import POSITION as POSITION_INTERFACE
 from motion.nc.device import TORQUE as TORQUE_INTERFACE
+from motion.nc.device import VELOCITY as VELOCITY_INTERFACE
 from motion.nc.device import DriveOutputs, SimulatedDevice
 from motion.nc.discrete import Discrete
 from motion.nc.drive import DIGITAL, FULL_TORQUE, Drive
@@ -47,7 +47,7 @@ from motion.nc.filters import Pt1
 from motion.nc.homing import Homing
 from motion.nc.interface import FULL_OVERRIDE, NcToPlc, OpMode, PlcToNc
 from motion.nc.monitoring import Monitoring
-from motion.nc.motion import Motion
+from motion.nc.motion import STANDS, Motion
 from motion.nc.path import AxisLimits
 from motion.nc.superposed import Superposed
 from motion.nc.tables import TableSpace
@@ -231,13 +231,16 @@ class NcAxis:
                 ("axis.error_propagation_mode", OpMode.DELAYED_ERROR_REACTION),
             )
         )
-        self._op_mode = 0
-        self._op_mode_changes = -1
         self._modulo = cell("enc.modulo_factor")
         self._motion_watch = cell("axis.motion_monitoring")
         self._torque_out = cell("drv.output_scaling_torque")
         self._acceleration_out = cell("drv.output_scaling_acceleration")
         self._torque_in = cell("drv.input_scaling_torque")
+        # What a cycle needs of the parameters, as of their last change.
+        self._taken = -1
+        self._op_mode = 0
+        self._scales_in = self._scales_out = self._corrects = False
+        self._watches_limits = self._watches_motion = self._watches_fast_stop = False
         self._cycles = 0
         self._closed = False
         self._enabled = False
@@ -245,6 +248,8 @@ class NcAxis:
         self.invalid_cycles = INVALID_CYCLES
         """Cycles with invalid data without an error (NC-427)."""
         self._seen_valid = False
+        self._unsettled = True
+        """The device was not healthy in the last cycle: it is looked at whatever it says now."""
         self._restarts = 0
         self._reset = 0
         self._last_dynamics: tuple[float, float] | None = None
@@ -688,9 +693,14 @@ class NcAxis:
         The task has let the device read its inputs before.
         """
         self._cycles += 1
+        if self._taken != self.parameters.changes:
+            self._take_parameters()
         device = self.device
-        self._take_actual_values()
-        self._supervise_device()
+        if device.encoder_valid:
+            self._take_actual_values(device)
+        healthy = device.valid and device.encoder_valid and device.operating
+        if not healthy or device.fault or device.encoder_fault or self._unsettled:
+            self._supervise_device(device)
         if self.probe.active:
             self.probe.step()
         if self.encoder_only:
@@ -719,7 +729,13 @@ class NcAxis:
             if override != motion.override:
                 motion.set_override(override)
                 self.superposed.set_override()
-            self._watch_feed()
+            fast_stop = self.fast_stop
+            if self._watches_fast_stop:
+                self._watch_fast_stop(fast_stop, device)
+            else:
+                fast_stop.last = device.fast_stop
+            if control & _FEEDS != _FEEDS:
+                self._watch_feed()
             if self.discrete is not None:
                 self._cycle_discrete(self.discrete, override)
             else:
@@ -807,32 +823,44 @@ class NcAxis:
         self._follow_actual()
         self._outputs.velocity = self.drive.raw(share)
 
-    def _take_actual_values(self) -> None:
-        device = self.device
-        if not device.encoder_valid:
-            return
-        correction = 0.0
-        if self._correction_on.value:
-            correction = self._correction_filter.step(self.plc_to_nc.PositionCorrection)
-        elif self._correction_filter.value:
+    def _take_parameters(self) -> None:
+        """Take over what has changed of the parameters."""
+        self._taken = self.parameters.changes
+        self._op_mode = 0 if self._simulated is None else int(OpMode.SIMULATION_AXIS)
+        for cell, bit in self._op_mode_cells:
+            if cell.value:
+                self._op_mode |= bit
+        self.nc_to_plc.modulo_factor = self._modulo.value
+        self._corrects = self._correction_on.value != 0.0
+        if not self._corrects:
             self._correction_filter.value = 0.0
+        self._scales_in = self._scales_in or self._torque_in.value != 0.0
+        self._scales_out = self._torque_out.value != 0.0 or self._acceleration_out.value != 0.0
+        self._watches_limits = self._low_on.value != 0.0 or self._high_on.value != 0.0
+        self._watches_motion = self._motion_watch.value != 0.0
+        self._watches_fast_stop = self.fast_stop.watches
+
+    def _take_actual_values(self, device: Device) -> None:
+        encoder = self.encoder
+        correction = 0.0
+        if self._corrects:
+            correction = self._correction_filter.step(self.plc_to_nc.PositionCorrection)
         if device.restarts != self._restarts:
             self._restarts = device.restarts
             if self._seen_valid:
-                position = self.encoder.uncorrected
-                self.encoder.begin(device.raw, None)
-                self.encoder.shift(position - self.encoder.uncorrected)
+                position = encoder.uncorrected
+                encoder.begin(device.raw, None)
+                encoder.shift(position - encoder.uncorrected)
         error = NO_ERROR
-        if not self.encoder.started:
-            error = self.encoder.begin(device.raw, self.retained)
-        error = self.encoder.update(device.raw, correction, device.input_age) or error
+        if not encoder.started:
+            error = encoder.begin(device.raw, self.retained)
+        error = encoder.update(device.raw, correction, device.input_age) or error
         if error:
             self.raise_error(error)
-        if self._torque_in.value or self.drive.actual_torque:
+        if self._scales_in:
             self.drive.take_torque(device.torque)
 
-    def _supervise_device(self) -> None:
-        device = self.device
+    def _supervise_device(self, device: Device) -> None:
         if self.missing_resources:
             self.raise_error(ENCODER_FAULT if self.encoder_only else DRIVE_NOT_READY)
         if device.valid and device.encoder_valid:
@@ -854,27 +882,29 @@ class NcAxis:
                 else:
                     encoder = self.encoder_only or device.valid
                     self.raise_error(ENCODER_DATA_INVALID if encoder else DRIVE_DATA_INVALID)
+        self._unsettled = (
+            self.missing_resources or not self._seen_valid or self._invalid != 0 or self.drive_error
+        )
 
     def _follow_actual(self) -> None:
         self.motion.place(self.encoder.position)
         self.following_error = 0.0
 
+    def _watch_fast_stop(self, fast_stop: FastStop, device: Device) -> None:
+        """Stop a motion for the fast axis stop."""
+        motion = self.motion
+        if fast_stop.step(device.fast_stop) and (not motion.stopped or self._is_led):
+            self._emit("axis.fast_stop")
+            if self._let_go():
+                motion.stop(fast_stop.deceleration, fast_stop.jerk)
+
     def _watch_feed(self) -> None:
-        """Stop a motion whose direction has lost its feed enable (NC-028, NC-029), or for the fast axis
-        stop.
-        """
+        """Stop a motion whose direction has lost its feed enable (NC-028, NC-029)."""
         motion = self.motion
         velocity = motion.generator.v + motion.offset_v
         active = motion.active
         if self.discrete is not None and active is not None:
             velocity = float(self.discrete.direction)
-        if self.fast_stop.step(self.device.fast_stop) and (not motion.stopped or self._is_led):
-            self._emit("axis.fast_stop")
-            if self._let_go():
-                motion.stop(self.fast_stop.deceleration, self.fast_stop.jerk)
-            return
-        if self.plc_to_nc.ControlDWord & _FEEDS == _FEEDS:
-            return
         missing = self._feed_missing(velocity)
         if not missing:
             return
@@ -918,6 +948,7 @@ class NcAxis:
         position = encoder.position
         error = s - position
         active = motion.active
+        led = self.coupling.master is not None
         interface = self._interface
         outputs = self._outputs
         if interface == POSITION_INTERFACE:
@@ -930,18 +961,19 @@ class NcAxis:
             if self._extern.value:
                 error = encoder.increments_to_units(device.lag)
         else:
-            control = self.controller.step(v, a, error, has_job=active is not None)
-            if self.coupling.master is not None:
+            controller = self.controller
+            control = controller.step(v, a, error, has_job=active is not None)
+            if led:
                 control += self.coupling.correction(error)
             if interface == TORQUE_INTERFACE:
-                velocity = self.controller.feedforward + drive.limited(control)
+                velocity = controller.feedforward + drive.limited(control)
                 drive.torque_step(
                     self.velocity_controller.step(velocity, encoder.derivative, position, drive.actual_torque)
                 )
                 outputs.torque = drive.torque
             else:
-                outputs.velocity = drive.step(self.controller.feedforward, control)
-                if self._torque_out.value or self._acceleration_out.value:
+                outputs.velocity = drive.step(controller.feedforward, control)
+                if self._scales_out:
                     drive.give_acceleration(a)
                     drive.give_torque(self.plc_to_nc.ExtTorque)
                     outputs.torque, outputs.acceleration = drive.torque, drive.acceleration
@@ -949,23 +981,23 @@ class NcAxis:
         found = monitoring.watch_lag(error)
         arrived = False
         if motion.has_target:
-            arrived = motion.arrived
+            arrived = generator.done and motion.arrived
             found = found or monitoring.watch_target(
                 position - motion.target,
                 arrived=arrived,
                 alarm=active is not None and active.kind == POSITION,
             )
-        elif active is None and not motion.stopped and self.coupling.master is None:
+        elif active is None and not motion.stopped and not led:
             monitoring.watch_target(error, arrived=True, alarm=False)
         else:
             monitoring.no_target()
-        if self._motion_watch.value:
+        if self._watches_motion:
             found = found or monitoring.watch_motion(
                 position,
                 moving=active is not None and not (active.ended or arrived),
                 held=self.plc_to_nc.Override == 0 and motion.standing,
             )
-        if active is not None and (self._low_on.value or self._high_on.value):
+        if self._watches_limits and active is not None:
             found = found or self._limit_passed()
         if found:
             self.raise_error(found)
@@ -1022,142 +1054,119 @@ class NcAxis:
         return self._outputs
 
     def _publish(self) -> None:
-        """Fill the image for the PLC."""
-        image, motion, encoder = self.nc_to_plc, self.motion, self.encoder
-        generator = motion.generator
+        """Fill the image for the PLC: states, and `StateDWord` bit by bit (NC-440 to NC-471)."""
+        image, motion, encoder, monitoring = self.nc_to_plc, self.motion, self.encoder, self.monitoring
+        generator, active, discrete = motion.generator, motion.active, self.discrete
+        coupling, homing, probe = self.coupling, self.homing, self.probe
         s, v = generator.s + motion.offset, generator.v + motion.offset_v
-        standing = motion.standing
-        if self.discrete is not None:
-            state = self.discrete.sequence.state
-        else:
-            state = motion.axis_state(standing=standing)
-        image.StateDWord = self._state_dword(v, standing=standing, constant=state == 3)
-        image.ErrorCode = self.error_id
-        image.AxisState = 13 if self.coupling.master is not None else state
-        image.HomingState = self.homing.state
-        image.SafEntries = len(motion.queue)
-        image.SvbEntries = len(self.prepared)
-        image.OpModeDWord = self.op_mode_dword()
-        position = encoder.position
-        image.ActPos = position
-        factor = self._modulo.value
-        image.ModuloActTurns = turns = floor(position / factor)
-        image.ModuloActPos = position - turns * factor
-        image.ModuloSetTurns = turns = floor(s / factor)
-        image.ModuloSetPos = s - turns * factor
-        image.ActVelo = encoder.velocity
-        image.ActAcc = encoder.acceleration
-        image.PosDiff = self.following_error
-        image.SetPos = s
-        image.SetVelo = v
-        image.SetAcc = generator.a + motion.offset_a
-        coupling = self.coupling
-        image.CoupleState = coupling.state if coupling.master is not None or coupling.slaves else 0
-        image.TargetPos = motion.target
-        image.ActPosWithoutPosCorrection = encoder.uncorrected
-        image.TouchProbeCounter = self.probe.count
-        image.ActTorque = self.drive.actual_torque
-        image.ActTorqueDerivative = self.drive.actual_torque_derivative
-        if self._interface == TORQUE_INTERFACE:
-            image.SetTorque = self.drive.output * FULL_TORQUE
-        elif self._torque_out.value:
-            image.SetTorque = self.plc_to_nc.ExtTorque
-        active = motion.active
-        if active is not None:
-            image.CmdNo = active.number & 0xFFFF
-            image.CmdState = int(active.state)
-
-    def _state_dword(self, velocity: float, *, standing: bool, constant: bool) -> int:
-        """Return `StateDWord` of this cycle (NC-440 to NC-471)."""
-        motion, monitoring = self.motion, self.monitoring
-        active = motion.active
-        word = 1 << 25 if self.coupling.master is None else 1 << 5
-        if self._group is not None:
-            word &= ~(1 << 25)
-        if self.coupling.delaying:
-            word |= 1 << 6
-        if self.external.enabled:
-            word |= 1 << 14
-        request = self.plc_to_nc.AxisModeRequest
-        if request != self.nc_to_plc.AxisModeConfirmation:
-            word |= 1 << 15
-            self.nc_to_plc.AxisModeConfirmation = request
-        if self.probe.valid:
-            word |= 1 << 16
+        standing = generator.done and -STANDS <= v <= STANDS
+        state = motion.axis_state(standing=standing) if discrete is None else discrete.sequence.state
+        word = 0
+        if coupling.master is not None:
+            word = 1 << 5
+            if coupling.delaying:
+                word |= 1 << 6
+        elif self._group is None:
+            word = 1 << 25
+        if self._closed:
+            word |= 1 << 20
         if self.operational:
             word |= 1
-        if self.encoder.homed:
+        if encoder.homed:
             word |= 1 << 1
-        discrete = self.discrete
-        if discrete is not None:
-            if discrete.stands:
-                word |= 1 << 2
-        elif standing and (active is None or active.ended) and self.superposed.command is None:
-            word |= 1 << 2
         if monitoring.in_area:
             word |= 1 << 3
         if monitoring.in_target:
             word |= 1 << 4
         if motion.stopped:
             word |= 1 << 7
-        if active is not None and not active.ended:
-            word |= 1 << 8
-            if active.kind == ENDLESS:
-                word |= 1 << 19
-        if discrete is not None:
-            velocity = float(discrete.direction)
-        if velocity > 0.0:
-            word |= 1 << 9
-        elif velocity < 0.0:
-            word |= 1 << 10
-        if self.homing.busy:
-            word |= 1 << 11
-        if constant:
-            word |= 1 << 12
-        if self.superposed.command is not None:
+        superposed = self.superposed.command is not None
+        if superposed:
             word |= 1 << 13
+        if active is not None:
+            image.CmdNo = active.number & 0xFFFF
+            image.CmdState = int(active.state)
+            if active.state < CommandState.DONE:
+                word |= 1 << 8
+                if active.kind == ENDLESS:
+                    word |= 1 << 19
+            elif standing and discrete is None and not superposed:
+                word |= 1 << 2
+            if active.locks:
+                word |= 1 << 29
+        elif standing and discrete is None and not superposed:
+            word |= 1 << 2
+        direction = v
+        if discrete is not None:
+            direction = float(discrete.direction)
+            if discrete.stands:
+                word |= 1 << 2
+        if direction > 0.0:
+            word |= 1 << 9
+        elif direction < 0.0:
+            word |= 1 << 10
+        if homing.busy:
+            word |= 1 << 11
+        if state == 3:
+            word |= 1 << 12
+        if self.external.enabled:
+            word |= 1 << 14
+        request = self.plc_to_nc.AxisModeRequest
+        if request != image.AxisModeConfirmation:
+            word |= 1 << 15
+            image.AxisModeConfirmation = request
+        if probe.valid:
+            word |= 1 << 16
         if motion.new_target:
             word |= 1 << 17
             motion.new_target = False
         if motion.missed:
             word |= 1 << 18
-        if self._closed:
-            word |= 1 << 20
         if motion.queue:
             word |= 1 << 24
-        position = self.encoder.uncorrected
-        if self._low_on.value and position <= self._low.value:
-            word |= 1 << 26
-        if self._high_on.value and position >= self._high.value:
-            word |= 1 << 27
+        uncorrected = encoder.uncorrected
+        if self._watches_limits:
+            if self._low_on.value and uncorrected <= self._low.value:
+                word |= 1 << 26
+            if self._high_on.value and uncorrected >= self._high.value:
+                word |= 1 << 27
         if self.drive_error:
             word |= 1 << 28
-        if active is not None and active.locks:
-            word |= 1 << 29
         if self._invalid:
             word |= 1 << 30
         if self.error_id:
             word |= 1 << 31
-        return word
-
-    def op_mode_dword(self) -> int:
-        """Return `OpModeDWord` (NC-472)."""
-        parameters = self.parameters
-        if parameters.changes != self._op_mode_changes:
-            self._op_mode_changes = parameters.changes
-            self._op_mode = 0
-            for cell, bit in self._op_mode_cells:
-                if cell.value:
-                    self._op_mode |= bit
+        image.StateDWord = word
         word = self._op_mode | (self._cycles & 0xFF) << 24
-        if self._simulated is not None:
-            word |= 0x100
-        if self.homing.application_request:
-            word |= 0x800000
-        return word
+        if homing.application_request:
+            word |= OpMode.NC_APPLICATION_REQUEST
+        image.OpModeDWord = word
+        image.ErrorCode = self.error_id
+        image.AxisState = state if coupling.master is None else 13
+        image.HomingState = homing.state
+        image.SafEntries = len(motion.queue)
+        image.SvbEntries = len(self.prepared)
+        image.ActPos = encoder.position
+        image.ActVelo = encoder.velocity
+        image.ActAcc = encoder.acceleration
+        image.PosDiff = self.following_error
+        image.SetPos = s
+        image.SetVelo = v
+        image.SetAcc = generator.a + motion.offset_a
+        image.CoupleState = coupling.state if coupling.master is not None or coupling.slaves else 0
+        image.TargetPos = motion.target
+        image.ActPosWithoutPosCorrection = uncorrected
+        image.TouchProbeCounter = probe.count
+        if self._scales_in:
+            image.ActTorque = self.drive.actual_torque
+            image.ActTorqueDerivative = self.drive.actual_torque_derivative
+        if self._interface == TORQUE_INTERFACE:
+            image.SetTorque = self.drive.output * FULL_TORQUE
+        elif self._torque_out.value:
+            image.SetTorque = self.plc_to_nc.ExtTorque
 
     def _output_data(self) -> float:
-        """Return what the drive gets: increments, `nDataOut4`, control bytes, or position unit/s."""
+        """Return what a drive gets that takes no velocity: increments, `nDataOut4`, control bytes."""
         outputs, interface = self._outputs, self._interface
         if self.discrete is not None:
             return self.discrete.image[8] | self.discrete.image[9] << 8
@@ -1167,7 +1176,11 @@ class NcAxis:
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the values of `TRACE_COLUMNS` for the present cycle."""
-        encoder, image = self.encoder, self.nc_to_plc
+        encoder, image, outputs = self.encoder, self.nc_to_plc, self._outputs
+        data: float = outputs.velocity
+        if self._interface != VELOCITY_INTERFACE:
+            data = self._output_data()
+        override = self.plc_to_nc.Override
         return (
             image.SetPos,
             image.SetVelo,
@@ -1176,10 +1189,10 @@ class NcAxis:
             encoder.velocity,
             self.following_error,
             self.drive.output,
-            self._output_data(),
-            self._outputs.enable | self._outputs.reset << 1,
+            data,
+            outputs.enable | outputs.reset << 1,
             image.StateDWord,
             image.OpModeDWord,
             self.error_id,
-            min(self.plc_to_nc.Override / FULL_OVERRIDE, 1.0),
+            1.0 if override >= FULL_OVERRIDE else override / FULL_OVERRIDE,
         )

@@ -19,6 +19,8 @@ from motion.nc.interface import FULL_OVERRIDE, OpMode, State
 from motion.nc.modulo import Direction, ModuloTargetError, modulo_move
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from motion.nc.axis_ref import AxisRef
 
 _ENABLE: Final = 0x1
@@ -126,6 +128,11 @@ class Block:
         raise NotImplementedError
 
     @property
+    def entry(self) -> Callable[[], None]:
+        """What the task of a PLC calls in every cycle: the block, with the inputs that it has."""
+        return self._call
+
+    @property
     def name(self) -> str:
         """Block and axis, for messages."""
         return f"{self.block} of {self.Axis.axis.name}"
@@ -167,32 +174,42 @@ class MC_Power(Block):
         self._given_override = 0.0
         self._override = 0
         """What the axis gets for it."""
+        self._shown = -1
+        """States that the outputs show; -1: they have to be looked at again."""
         super().__init__(axis, **inputs)
 
     @override
     def _call(self) -> None:
-        written = self.Axis.PlcToNc
+        ref = self.Axis
+        written = ref.PlcToNc
         word = written.ControlDWord & _NO_ENABLES
-        if self.Enable:
+        enable = self.Enable
+        if enable:
             word |= _ENABLE
-            word |= _FEED_PLUS if self.Enable_Positive else 0
-            word |= _FEED_MINUS if self.Enable_Negative else 0
+            if self.Enable_Positive:
+                word |= _FEED_PLUS
+            if self.Enable_Negative:
+                word |= _FEED_MINUS
         written.ControlDWord = word
         override = self.Override
         if override != self._given_override:
             self._given_override = override
             self._override = int(min(max(override, 0.0), 100.0) * (FULL_OVERRIDE / 100.0))
         written.Override = self._override
-        image = self.Axis.NcToPlc
-        if self.Enable and self.Axis.axis.encoder_only:  # it has nothing to enable (NC-066)
+        if enable and ref.axis.encoder_only:  # it has nothing to enable (NC-066)
             self.Error, self.ErrorID = True, BLOCK_NOT_PERMITTED
             self.Status = self.Active = self.Busy = False
+            self._shown = -1
             return
-        state = image.StateDWord
+        state = ref.image.StateDWord
+        shown = state & (_OPERATIONAL | _ERROR)
+        if shown == self._shown and enable is self.Busy:
+            return
         self.Status = self.Active = state & _OPERATIONAL != 0
-        self.Busy = bool(self.Enable)
-        self.Error = state & _ERROR != 0
-        self.ErrorID = image.ErrorCode if self.Error else 0
+        self.Busy = bool(enable)
+        self.Error = error = state & _ERROR != 0
+        self.ErrorID = ref.image.ErrorCode if error else 0
+        self._shown = -1 if error else shown
 
     def status(self) -> bool:
         """Return `Status`."""
@@ -215,15 +232,18 @@ class ExecuteBlock(Block):
 
     @override
     def _call(self) -> None:
-        execute = bool(self.Execute)
-        rising, falling = execute and not self._last, self._last and not execute
+        execute, last = bool(self.Execute), self._last
+        if execute and last:
+            if self.Busy:
+                self._go_on()
+            return
         self._last = execute
-        if rising:
+        if execute:
             self._clear()
             self._begin()
         elif self.Busy:
             self._go_on()
-        if falling:
+        if last:
             self._released()
         elif not execute and self._ended:
             self._clear()
@@ -469,7 +489,10 @@ class MotionBlock(ExecuteBlock):
 
     def _show(self, command: Command) -> None:
         state = command.state
-        if state is CommandState.DONE:
+        if state is CommandState.ACTIVE:
+            self.Active = True
+            self._show_running(command)
+        elif state is CommandState.DONE:
             self._finish()
         elif state is CommandState.ABORTED:
             self._finish()
@@ -478,7 +501,7 @@ class MotionBlock(ExecuteBlock):
         elif state is CommandState.ERROR:
             self._finish(command.error_id)
         else:
-            self.Active = state is CommandState.ACTIVE
+            self.Active = False
             self._show_running(command)
 
     def _show_running(self, command: Command) -> None:

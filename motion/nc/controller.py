@@ -47,6 +47,7 @@ class Controller:
 
     def __init__(self, parameters: ParameterSet, *, cycle_s: float, analog: bool = False) -> None:
         cell = parameters.cell
+        self._parameters = parameters
         self._cycle_s = cycle_s
         self._analog = analog
         self._type = cell("ctrl.type")
@@ -78,6 +79,17 @@ class Controller:
         """What the automatic offset does while it is not adjusted."""
         self.feedforward = 0.0
         """Velocity and acceleration feedforward of the last step, position unit/s."""
+        # What `step` needs of the parameters, as of their last change.
+        self._taken = -1
+        self._simple = False
+        """A gain and the velocity feedforward are all."""
+        self._gain = self._share = 0.0
+
+    def _take_parameters(self) -> None:
+        """Take over what has changed of the parameters."""
+        self._taken = self._parameters.changes
+        self._gain, self._share = self._kv.value, self._weight.value
+        self._simple = int(self._type.value) == P and not self._auto_offset.value
 
     def reset(self) -> None:
         """Forget what has been integrated."""
@@ -96,6 +108,11 @@ class Controller:
             Controller output without feedforward, position unit/s.
 
         """
+        if self._taken != self._parameters.changes:
+            self._take_parameters()
+        if self._simple and not self.offset:
+            self.feedforward = self._share * velocity
+            return self._gain * error
         kind = int(self._type.value)
         feedforward = self._weight.value * velocity
         full = self._reference.value / self._ratio.value

@@ -187,20 +187,20 @@ class PortDevice(_Values):
         port = self.port
         port.read()
         word = port.zsw1
-        self.valid = port.link_ok and word & ZSW1.CONTROL_REQUESTED != 0
+        valid = port.link_ok and word & ZSW1.CONTROL_REQUESTED != 0
         if self.invalid_cycles:
             self.invalid_cycles -= 1
-            self.valid = False
-        self.encoder_valid = self.valid
+            valid = False
+        self.valid = self.encoder_valid = valid
         self.life_lost = port.sign_lost
-        if not self.valid:
+        if not valid:
             # The last valid values count (NC-427).
             self.ready = False
             return
         self._on = word & 0x0001 != 0
-        self.fault = word & 0x0008 != 0
+        self.fault = fault = word & 0x0008 != 0
         self.operating = word & 0x0004 != 0
-        self.ready = not self.fault
+        self.ready = not fault
         self.encoder_fault = port.sensor_fault
         self.torque = port.actual_torque_nm * self._torque_per_nm
         inputs = port.inputs

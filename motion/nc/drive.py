@@ -95,6 +95,7 @@ class Drive:
         tables: TableSpace | None = None,
     ) -> None:
         cell = parameters.cell
+        self._parameters = parameters
         self._cycle_s = cycle_s
         self._saf_cycle_s = cycle_s if saf_cycle_s is None else saf_cycle_s
         self._tables = tables
@@ -145,6 +146,23 @@ class Drive:
         """Torque output, scaled and delayed (`nDataOut4`)."""
         self.acceleration = 0.0
         """Acceleration output, scaled and delayed (`nDataOut3`)."""
+        # What `step` needs of the parameters, as of their last change.
+        self._taken = -1
+        self._full = self._limit = self._bottom = self._top = self._added = 0.0
+        self._negates = False
+        self._shapes = False
+        """The share goes through a table, an offset or a delay, or has done so."""
+
+    def _take_parameters(self) -> None:
+        """Take over what has changed of the parameters."""
+        self._taken = self._parameters.changes
+        self._full = full = self._reference.value / self._ratio.value
+        self._limit = self._control_limit.value * full
+        self._bottom, self._top = self._low.value, self._high.value
+        self._added = self._drift.value
+        self._negates = self._inverted.value != 0.0
+        shapes = self._table_id.value or self._valve_offset.value or self._delay_time.value
+        self._shapes = self._shapes or shapes != 0.0
 
     @property
     def full(self) -> float:
@@ -173,29 +191,44 @@ class Drive:
             Velocity for the drive, position unit/s, with the sign of its motor.
 
         """
-        full = self._reference.value / self._ratio.value
-        limit = self._control_limit.value * full
-        self.control = control = limit if control > limit else max(control, -limit)
-        self.total = total = feedforward + control + self._drift.value
+        if self._taken != self._parameters.changes:
+            self._take_parameters()
+        full, limit = self._full, self._limit
+        if control > limit:
+            control = limit
+        elif control < -limit:
+            control = -limit
+        self.control = control
+        self.total = total = feedforward + control + self._added
         share = total / full
-        number = self._table_id.value
-        if number or self._table_in_use:
-            share = self._linearised(share, int(number))
-        offset = self._valve_offset.value
-        if offset:
-            share += offset
-        low, high = self._low.value, self._high.value
-        share = low if share < low else min(share, high)
-        if self._delay_time.value or self._delayed:
-            share = self._delay.step(share)
-            self._delayed = self._delay_time.value > 0.0
-        if self._inverted.value:
+        low, high = self._bottom, self._top
+        if self._shapes:
+            share = self._shaped(share, low, high)
+        elif share < low:
+            share = low
+        elif share > high:
+            share = high
+        if self._negates:
             share = -share
         self.output = share
         # An analog output carries the reference velocity at the output ratio; a digital one the velocity
         # itself.
         velocity = share * full
         return velocity * self._scaling.value / VELOCITY_UNITS if self.digital else velocity
+
+    def _shaped(self, share: float, low: float, high: float) -> float:
+        """Return a share of full scale behind valve characteristic, offset, limits and delay."""
+        number = self._table_id.value
+        if number or self._table_in_use:
+            share = self._linearised(share, int(number))
+        offset = self._valve_offset.value
+        if offset:
+            share += offset
+        share = low if share < low else min(share, high)
+        if self._delay_time.value or self._delayed:
+            share = self._delay.step(share)
+            self._delayed = self._delay_time.value > 0.0
+        return share
 
     def _linearised(self, share: float, number: int) -> float:
         """Return the output of the valve characteristic (NC-353, NC-370)."""

@@ -21,7 +21,6 @@ MULTITURN_RANGE: Final = 3
 SINGLETURN_RANGE: Final = 4
 ABSOLUTE_MODULO: Final = 5
 """Index of the texts of `enc.reference_system`."""
-_POSVELO: Final = 1
 _POSVELOACC: Final = 2
 _SLACK: Final = 1e-9
 
@@ -61,6 +60,7 @@ class Encoder:
         self, parameters: ParameterSet, *, cycle_s: float, io_cycle_s: float, signed: bool = False
     ) -> None:
         cell = parameters.cell
+        self._parameters = parameters
         self._cycle_s = cycle_s
         self._io_cycle_s = io_cycle_s
         self._signed_count = signed
@@ -83,7 +83,7 @@ class Encoder:
         self._high = cell("axis.soft_limit_max")
         self._position_time = cell("enc.filter_time_position")
         self._position_filter = Pt1(cell("enc.filter_time_position"), cycle_s)
-        self._velocity_filter = Pt1(cell("enc.filter_time_velocity"), cycle_s)
+        self._velocity_time = cell("enc.filter_time_velocity")
         self._acceleration_filter = Pt1(cell("enc.filter_time_acceleration"), cycle_s)
         self._offset = 0.0
         self.started = False
@@ -92,6 +92,8 @@ class Encoder:
         self._range = 0
         self._last = 0.0
         self._last_velocity = 0.0
+        self._filtered = 0.0
+        """Filtered velocity, position unit/s."""
         self.hard_increments = 0
         """Count of the device."""
         self.soft_increments = 0
@@ -107,6 +109,32 @@ class Encoder:
         self.acceleration = 0.0
         self.homed = False
         """The reference to the machine is known (`Homed`)."""
+        # What `update` needs of the parameters, as of their last change.
+        self._taken = -1
+        self._span = 1
+        self._half = 0
+        self._inverted = False
+        self._scale = 1.0
+        self._origin = 0.0
+        self._share = self._rest = 0.0
+        self._derives = 0
+        self._compensates = False
+        self._smooths = False
+
+    def _take_parameters(self) -> None:
+        """Take over what has changed of the parameters."""
+        self._taken = self._parameters.changes
+        self._span = span = int(self._mask.value) + 1
+        self._half = span // 2
+        self._inverted = self._invert.value != 0.0
+        self._scale = self._numerator.value / self._denominator.value
+        self._origin = self._bias.value
+        self._derives = int(self._mode.value)
+        time = self._velocity_time.value
+        self._share = self._cycle_s / (self._cycle_s + time) if time > 0.0 else 1.0
+        self._rest = 1.0 - self._share
+        self._compensates = self._time_mode.value != 0.0
+        self._smooths = self._position_time.value > 0.0
 
     @property
     def scaling(self) -> float:
@@ -139,40 +167,46 @@ class Encoder:
 
         """
         error = NO_ERROR
+        if self._taken != self._parameters.changes:
+            self._take_parameters()
         if not self.started:
             error = self.begin(raw, None)
         step = raw - self.hard_increments
         if step:
-            span = int(self._mask.value) + 1
-            step = (step + span // 2) % span - span // 2
-        if step and self._range:
-            self._unwrapped += step
-            beyond = self._unwrapped // self._range
-            if beyond:
-                error = self._beyond(beyond)
-        self.hard_increments = raw
-        self.soft_increments += -step if self._invert.value else step
+            self.hard_increments = raw
+            half = self._half
+            step = (step + half) % self._span - half
+            if self._range:
+                self._unwrapped += step
+                beyond = self._unwrapped // self._range
+                if beyond:
+                    error = self._beyond(beyond)
+            self.soft_increments += -step if self._inverted else step
         cycle_s = self._cycle_s
-        scaling = self._numerator.value / self._denominator.value
-        position = self.soft_increments * scaling + self._bias.value + self._offset
+        self.uncorrected = position = self.soft_increments * self._scale + self._origin + self._offset
         self.derivative = velocity = (position - self._last) / cycle_s
         self._last = position
-        mode = int(self._mode.value)
         acceleration = (velocity - self._last_velocity) / cycle_s
         self._last_velocity = velocity
-        self.velocity = self._velocity_filter.step(velocity) if mode >= _POSVELO else 0.0
-        self.acceleration = self._acceleration_filter.step(acceleration) if mode == _POSVELOACC else 0.0
-        self.uncorrected = position
-        time_mode = self._time_mode.value
-        if time_mode:
+        derives = self._derives
+        if derives:
+            self.velocity = filtered = self._share * velocity + self._rest * self._filtered
+            self._filtered = filtered
+            if derives == _POSVELOACC:
+                self.acceleration = self._acceleration_filter.step(acceleration)
+            elif self.acceleration:
+                self.acceleration = 0.0
+        else:
+            self.velocity = self.acceleration = 0.0
+        if self._compensates:
             delay = self._time_cycles.value * self._io_cycle_s + self._time_additional.value * 1e-6
             if self._time_absolute.value:
                 delay += age_s
             position += velocity * delay
-            if time_mode > 1.0:
+            if self._time_mode.value > 1.0:
                 position += 0.5 * acceleration * delay * delay
         self.correction = correction
-        if self._position_time.value > 0.0:
+        if self._smooths:
             self.position = self._position_filter.step(position) + correction
         else:
             self._position_filter.value = position
@@ -241,7 +275,7 @@ class Encoder:
         """Begin filters and differences at the present count."""
         position = self.soft_increments * self.scaling + self._bias.value + self._offset
         self._last = self._position_filter.value = position
-        self._last_velocity = self._velocity_filter.value = self._acceleration_filter.value = 0.0
+        self._last_velocity = self._filtered = self._acceleration_filter.value = 0.0
         self.uncorrected = self.position = position
 
     def shift(self, offset: float) -> None:

@@ -30,9 +30,15 @@ class FastStop:
         self._fast_jerk = cell("axis.fast_jerk")
         self._deceleration = cell("axis.default_deceleration")
         self._jerk = cell("axis.default_jerk")
-        self._last: bool | None = None
+        self.last: bool | None = None
+        """Signal of the last cycle; None: there was none."""
         self.active = False
         """A level keeps the axis from moving."""
+
+    @property
+    def watches(self) -> bool:
+        """Whether a signal type is selected, or its level has just been given up."""
+        return self._type.value != 0.0 or self.active
 
     @property
     def deceleration(self) -> float:
@@ -46,7 +52,7 @@ class FastStop:
 
     def step(self, signal: bool) -> bool:
         """Evaluate the signal of this cycle; returns whether the axis has to stop (NC-114 to NC-119)."""
-        last, self._last = self._last, signal
+        last, self.last = self.last, signal
         kind = int(self._type.value)
         self.active = (kind == _HIGH and signal) or (kind == _LOW and not signal)
         if self.active:

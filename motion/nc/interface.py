@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntFlag
+from math import floor
 from struct import Struct
 from typing import Final
 
@@ -264,10 +265,6 @@ class NcToPlc:
         "DcTimeStamp",
         "ErrorCode",
         "HomingState",
-        "ModuloActPos",
-        "ModuloActTurns",
-        "ModuloSetPos",
-        "ModuloSetTurns",
         "OpModeDWord",
         "PosDiff",
         "SafEntries",
@@ -284,6 +281,7 @@ class NcToPlc:
         "TargetPos",
         "TouchProbeCounter",
         "TouchProbeState",
+        "modulo_factor",
     )
 
     def __init__(self) -> None:
@@ -294,11 +292,13 @@ class NcToPlc:
         self.StateDWord = self.ErrorCode = self.AxisState = self.AxisModeConfirmation = 0
         self.HomingState = self.CoupleState = self.SvbEntries = self.SafEntries = 0
         self.AxisId = self.OpModeDWord = 0
-        self.ActPos = self.ModuloActPos = 0.0
-        self.ActiveControlLoopIndex = self.ControlLoopIndex = self.ModuloActTurns = 0
+        self.ActPos = 0.0
+        self.modulo_factor = 0.0
+        """Length of a modulo turn, position unit; no member of the structure. 0.0: it is not known yet."""
+        self.ActiveControlLoopIndex = self.ControlLoopIndex = 0
         self.ActVelo = self.PosDiff = self.SetPos = self.SetVelo = self.SetAcc = 0.0
-        self.TargetPos = self.ModuloSetPos = 0.0
-        self.ModuloSetTurns = self.CmdNo = self.CmdState = 0
+        self.TargetPos = 0.0
+        self.CmdNo = self.CmdState = 0
         self.SetJerk = self.SetTorque = self.ActTorque = 0.0
         self.StateDWord2 = self.StateDWord3 = self.TouchProbeState = self.TouchProbeCounter = 0
         self.CamCouplingState: tuple[int, ...] = (0,) * 8
@@ -306,6 +306,34 @@ class NcToPlc:
         self.ActTorqueDerivative = self.SetTorqueDerivative = 0.0
         self.ActPosWithoutPosCorrection = self.ActAcc = 0.0
         self.DcTimeStamp = 0
+
+    # Derived where they are read: few programs do, and they cost as much as the rest of the transfer.
+
+    @property
+    def ModuloActTurns(self) -> int:
+        """Whole modulo turns of `ActPos`."""
+        return self._turns(self.ActPos)
+
+    @property
+    def ModuloActPos(self) -> float:
+        """`ActPos` within its turn, position unit."""
+        return self._within_turn(self.ActPos)
+
+    @property
+    def ModuloSetTurns(self) -> int:
+        """Whole modulo turns of `SetPos`."""
+        return self._turns(self.SetPos)
+
+    @property
+    def ModuloSetPos(self) -> float:
+        """`SetPos` within its turn, position unit."""
+        return self._within_turn(self.SetPos)
+
+    def _turns(self, position: float) -> int:
+        return floor(position / self.modulo_factor) if self.modulo_factor else 0
+
+    def _within_turn(self, position: float) -> float:
+        return position - self._turns(position) * self.modulo_factor if self.modulo_factor else 0.0
 
     def pack(self) -> bytes:
         """Return the structure as the image has it, 256 byte."""

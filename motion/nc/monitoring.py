@@ -43,6 +43,8 @@ class Monitoring:
         self._waiting = 0
         self._still = 0
         self._last: float | None = None
+        self._idle = True
+        """No window is entered, and no time runs."""
         self.lag_min = 0.0
         """Lowest following error since `reset_extremes`, position unit."""
         self.lag_max = 0.0
@@ -70,8 +72,7 @@ class Monitoring:
 
     def new_target(self) -> None:
         """Begin again with windows and timeout, for a new command (NC-156)."""
-        self._inside = self._waiting = 0
-        self.in_area = self.in_target = self.reached = False
+        self.no_target()
 
     def watch_lag(self, error: float) -> int:
         """Compare the following error with its maximum; returns an error code, 0 for none."""
@@ -96,7 +97,13 @@ class Monitoring:
             alarm: A command to a position is active, or was the last one.
 
         """
-        deviation = abs(deviation)
+        if deviation < 0.0:
+            deviation = -deviation
+        if not arrived and deviation > self._area.value + _SLACK and deviation > self._target.value + _SLACK:
+            if not self._idle:
+                self.no_target()
+            return NO_ERROR
+        self._idle = False
         self.in_area = bool(self._area_on.value) and deviation <= self._area.value + _SLACK
         window = deviation <= self._target.value + _SLACK
         self._inside = self._inside + 1 if window else 0
@@ -117,6 +124,7 @@ class Monitoring:
         """Note that there is no target: endless motion (NC-156)."""
         self.in_area = self.in_target = self.reached = False
         self._inside = self._waiting = 0
+        self._idle = True
 
     def watch_motion(self, position: float, *, moving: bool, held: bool) -> int:
         """Look whether the axis moves; returns an error code, 0 for none.

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _REDUCED: Final = 0
 """Index of `Reduced (iterated)` in `axis.velocity_override_type`."""
-_STANDS: Final = 1e-9
+STANDS: Final = 1e-9
 """Velocity, position unit/s, and way, position unit, that count as none."""
 
 
@@ -89,7 +89,7 @@ class Motion:
     def standing(self) -> bool:
         """Whether the set velocity is 0."""
         generator = self.generator
-        return generator.done and -_STANDS <= generator.v + self.offset_v <= _STANDS
+        return generator.done and -STANDS <= generator.v + self.offset_v <= STANDS
 
     @property
     def arrived(self) -> bool:
@@ -98,8 +98,8 @@ class Motion:
         return (
             self.has_target
             and generator.done
-            and -_STANDS <= generator.v + self.offset_v <= _STANDS
-            and abs(generator.s + self.offset - self.target) <= _STANDS
+            and -STANDS <= generator.v + self.offset_v <= STANDS
+            and abs(generator.s + self.offset - self.target) <= STANDS
         )
 
     def set_offset(self, s: float, v: float, a: float) -> None:
@@ -319,11 +319,11 @@ class Motion:
         left = (command.target - generator.s) * direction
         end = command.end_velocity * self.override
         if command.end_velocity == 0.0:  # it is planned to stand at the target
-            command.in_velocity = self.standing and abs(left) <= _STANDS
+            command.in_velocity = self.standing and abs(left) <= STANDS
             if command.in_velocity and self.queue:
                 self._end(command)
             return
-        if self._passed or left <= abs(generator.v) * dt * 0.5 + _STANDS:
+        if self._passed or left <= abs(generator.v) * dt * 0.5 + STANDS:
             self._go_beyond(command, end)
             return
         if end and generator.target != direction * end:

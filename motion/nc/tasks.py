@@ -7,9 +7,8 @@ from copy import copy
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import ConfigurationError
-from motion.kernel.task import Task
 from motion.nc.axis_ref import AxisRef
-from motion.nc.blocks import ExecuteBlock
+from motion.nc.blocks import Block, ExecuteBlock
 from motion.nc.parameters import ParameterSet
 from motion.nc.process_image import ProcessImage
 from motion.nc.retain import (
@@ -25,7 +24,7 @@ from motion.nc.tables import TableSpace
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from fieldbus.clock import Scheduler
+    from fieldbus.clock import Scheduler, Timer
     from fieldbus.history import History
     from motion.kernel.cell import Cell
     from motion.nc.axis import NcAxis
@@ -196,7 +195,8 @@ class NcRuntime:
         history: Event log, or None.
 
     Raises:
-        ConfigurationError: The cycle of the SVB task is shorter than that of the SAF task.
+        ConfigurationError: The cycle of the SVB task is shorter than that of the SAF task, or `plc_cycles`
+            is less than 1.
 
     """
 
@@ -218,6 +218,8 @@ class NcRuntime:
         self.plc_cycles = plc_cycles
         if svb_ns is not None and svb_ns < cycle_ns:
             raise ConfigurationError("SVB task, cycle", f"{svb_ns} ns", f"at least that of SAF, {cycle_ns}")
+        if plc_cycles < 1:
+            raise ConfigurationError("plc_cycles", plc_cycles, "1 or more")
         self.svb_cycles = -(-(svb_ns or max(_SVB_NS, cycle_ns)) // cycle_ns)
         """SAF cycles in a cycle of the SVB task."""
         self.parameters = parameters or ParameterSet()
@@ -242,25 +244,25 @@ class NcRuntime:
         """Load and exceeded cycles of the SVB task."""
         self.axes: list[NcAxis] = []
         """Axes that are executed, in the order in which they were added."""
+        self._refs: list[AxisRef] = []
         self.links: dict[str, AxisLink] = {}
         """Transfers by name of the axis."""
         self.groups: list[InterpolationGroup] = []
         """Interpolation groups, which are executed in front of the axes."""
         self.program: list[Callable[[], object]] = []
         """What the PLC calls in every cycle, in this order."""
+        self._entries: list[Callable[[], object]] = []
+        """The same, as it is called."""
         self._dormant: list[ExecuteBlock] = []
         self.plc_running = True
         """False: the PLC is stopped, hangs or has been halted by an exception (NC-765)."""
         self._cyclic = _Saf(self, cell("task.ads_high_priority"))
-        self.task: Task[_Saf, _NoEncoder] = Task(
-            scheduler,
-            cycle_ns=cycle_ns,
-            phase_ns=cycle_ns // 2 if phase_ns is None else phase_ns,
-            program=self._call_plc,
-            program_cycles=plc_cycles,
-        )
-        self.task.axes.append(self._cyclic)
-        self.after_cycle = self.task.after_cycle
+        self._phase_ns = cycle_ns // 2 if phase_ns is None else phase_ns
+        self._timer: Timer | None = None
+        self.cycles = 0
+        """Cycles of the SAF task so far."""
+        self.after_cycle: list[Callable[[], object]] = []
+        """Called at the end of every cycle."""
         self.running = False
         """Whether the tasks cycle."""
         self.project: Project | None = None
@@ -278,6 +280,7 @@ class NcRuntime:
         if not axis.disabled:
             self.axes.append(axis)
         ref.plc_cycle_s = self.cycle_ns * self.plc_cycles * _SECONDS
+        self._refs.append(ref)
         link = self.links[axis.name] = AxisLink(ref, self._watchdog, self.plc_cycles)
         self._cyclic.take(axis, link)
 
@@ -285,6 +288,7 @@ class NcRuntime:
         """Let go of all axes; the program stays."""
         self.axes.clear()
         self.links.clear()
+        self._refs.clear()
         self._cyclic.clear()
 
     def call(self, instance: Callable[[], object]) -> None:
@@ -298,7 +302,12 @@ class NcRuntime:
                 self._dormant.append(one)
             else:
                 active.append(one)
-        self.program = [*active, instance]
+        self._schedule([*active, instance])
+
+    def _schedule(self, program: list[Callable[[], object]]) -> None:
+        """Call these from the next cycle of the PLC on."""
+        self.program = program
+        self._entries = [one.entry if isinstance(one, Block) else one for one in program]
 
     def image(self) -> dict[str, bytes]:
         """Return the process image of the SAF task: inputs and outputs of encoder and drive of every axis
@@ -320,11 +329,6 @@ class NcRuntime:
         """
         self._cyclic.posted.append(command)
 
-    @property
-    def cycles(self) -> int:
-        """Cycles of the SAF task so far."""
-        return self.task.cycles
-
     # -- start and stop
 
     def start(self) -> None:
@@ -340,7 +344,7 @@ class NcRuntime:
         for axis in self.axes:
             axis.retained = retained.get(axis.name) if axis.persistent else None
         self.running = True
-        self.task.start()
+        self._timer = self.scheduler.every(self.cycle_ns, self._cycle, phase_ns=self._phase_ns)
 
     def stop(self) -> None:
         """End the cycle, and store retain data as their mode says."""
@@ -355,7 +359,18 @@ class NcRuntime:
     def lose_power(self) -> None:
         """End the cycle without a word: nothing is stored (NC-054)."""
         self.running = False
-        self.task.stop()
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _cycle(self) -> None:
+        """Run one cycle: the tasks of the NC, the PLC where it is due, what looks on."""
+        self.cycles = cycles = self.cycles + 1
+        self._cyclic.cycle()
+        if cycles % self.plc_cycles == 0:
+            self._call_plc()
+        for callback in self.after_cycle:
+            callback()
 
     def _load(self) -> dict[str, Retained]:
         mode = int(self._retain_mode.value)
@@ -381,16 +396,16 @@ class NcRuntime:
     def _call_plc(self) -> None:
         if not self.plc_running:
             return
-        for link in self.links.values():
-            written = link.ref.PlcToNc
+        for ref in self._refs:
+            written = ref.PlcToNc
             written.PlcCycleCount = (written.PlcCycleCount + 1) & 0xFF
         for block in self._dormant:
             if not block.Execute:
                 self._wake()
                 break
         try:
-            for instance in self.program:
-                instance()
+            for entry in self._entries:
+                entry()
         except ArithmeticError as error:
             # As on the machine: an exception of the arithmetic halts the PLC, the NC goes on (NC-019).
             self.plc_running = False
@@ -400,17 +415,7 @@ class NcRuntime:
         """Call those again that were not called and whose `Execute` has fallen, in front of the others."""
         woken = [block for block in self._dormant if not block.Execute]
         self._dormant = [block for block in self._dormant if block.Execute]
-        self.program = [*woken, *self.program]
-
-
-class _NoEncoder:
-    """The NC has no encoders outside of its axes."""
-
-    def cycle(self) -> None:
-        """Do nothing."""
-
-    def finish_cycle(self) -> None:
-        """Do nothing."""
+        self._schedule([*woken, *self.program])
 
 
 class _Saf:
@@ -459,7 +464,8 @@ class _Saf:
                 axis.cycle()
             else:
                 axis.repeat_outputs()
-            link.to_plc()
+            if link.to_plc_stalled or link.ref.image is not axis.nc_to_plc:
+                link.to_plc()
         if self.posted and not high:
             self._execute()
 
@@ -467,7 +473,3 @@ class _Saf:
         posted, self.posted = self.posted, []
         for command in posted:
             command()
-
-    def servo_cycle(self) -> None:
-        """Run one cycle: the NC has no other."""
-        self.cycle()

@@ -1,7 +1,7 @@
 """Parameters and error codes as data; the cyclic interface byte for byte."""
 
 from pathlib import Path
-from struct import calcsize, pack
+from struct import calcsize, pack, unpack_from
 
 import pytest
 
@@ -173,29 +173,44 @@ def test_nc_to_plc_image(subtests):
         "StateDWord": (0, "I"),
         "ErrorCode": (4, "I"),
         "AxisState": (8, "I"),
+        "AxisModeConfirmation": (12, "I"),
         "HomingState": (16, "I"),
         "CoupleState": (20, "I"),
+        "SvbEntries": (24, "I"),
+        "SafEntries": (28, "I"),
         "AxisId": (32, "I"),
         "OpModeDWord": (36, "I"),
         "ActPos": (40, "d"),
-        "ModuloActPos": (48, "d"),
-        "ModuloActTurns": (60, "i"),
         "ActVelo": (64, "d"),
         "PosDiff": (72, "d"),
         "SetPos": (80, "d"),
         "SetVelo": (88, "d"),
         "SetAcc": (96, "d"),
         "TargetPos": (104, "d"),
+        "CmdNo": (124, "H"),
+        "CmdState": (126, "H"),
+        "SetTorque": (136, "d"),
+        "ActTorque": (144, "d"),
+        "TouchProbeCounter": (164, "I"),
+        "ActTorqueDerivative": (192, "d"),
+        "ActPosWithoutPosCorrection": (224, "d"),
+        "ActAcc": (232, "d"),
     }
     assert NC_TO_PLC_SIZE == 256
     for name, (place, form) in places.items():
         with subtests.test(name):
             image = NcToPlc()
-            value = 7 if form in "Ii" else 7.5
+            value = 7.5 if form == "d" else 7
             setattr(image, name, value)
             expected = bytearray(256)
             expected[place : place + calcsize(form)] = pack(f"<{form}", value)
             assert image.pack() == bytes(expected)
+    with subtests.test("modulo"):
+        image = NcToPlc()
+        image.ActPos, image.SetPos, image.modulo_factor = -10.0, 725.5, 360.0
+        packed = image.pack()
+        assert unpack_from("<d", packed, 48) + unpack_from("<i", packed, 60) == (350.0, -1)
+        assert unpack_from("<d", packed, 112) + unpack_from("<i", packed, 120) == (5.5, 2)
 
 
 def test_status_bits():
