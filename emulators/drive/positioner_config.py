@@ -174,6 +174,10 @@ class PositionerSettings:
     """
     negative_velocity: Literal["zero", "absolute"] = "zero"
     """What a velocity below 0 means in MDI: the axis stands, or it moves with the absolute value."""
+    refused_task: Literal["warning", "fault"] = "warning"
+    """What a task is that cannot be carried out (no such block, not homed, target beyond a limit): a warning
+    while its request stands, or a fault with OFF1 under the number of that warning.
+    """
     block: tuple[TraversingBlock, ...] = ()
     """Traversing blocks; see the next section."""
 

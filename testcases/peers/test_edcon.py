@@ -54,6 +54,7 @@ velocity_time_constant_ms = 4.0
 home_here = true
 rest_is_reached = true
 negative_velocity = "absolute"
+refused_task = "fault"
 jog_velocities = [3000.0, -3000.0]
 block = [{ number = 3, position = 12000, velocity = 6000 }]
 """
@@ -243,6 +244,12 @@ def test_every_task_ends_with_a_bench_file_alone(packages, emulated):
         assert edcon("current_position") == pytest.approx(15_000, abs=80)
         assert edcon("record_task", 3, False)
         assert edcon("current_position") == pytest.approx(12_000, abs=80)
+        assert not edcon("record_task", 99, False)
+        assert edcon("current_fault_code") == 60
+        assert "Motion task not known" in edcon("fault_string")
+        assert edcon("current_position") == pytest.approx(12_000, abs=80)
+        assert edcon("acknowledge_faults")
+        assert edcon("enable_powerstage")
 
         assert edcon("position_task", 200_000, 6_000, True, True)
         assert edcon("pause_motion_task") is None

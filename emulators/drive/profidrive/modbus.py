@@ -90,7 +90,9 @@ class ProfidriveModbusDrive(DriveOnBus):
         self.modbus_config = config
         drive = self.drive
         drive.watched_by_transport = True
-        drive.faults.fault_codes, drive.faults.warning_codes = file.faults, file.warnings
+        # A warning may be set up to be a fault; it keeps its number.
+        drive.faults.fault_codes = {**file.warnings, **file.faults}
+        drive.faults.warning_codes = file.warnings
         store = self.parameters.store
         store.set(918, config.unit)
         store.save()

@@ -230,6 +230,20 @@ def test_a_refused_task_is_a_warning(signals, number):
     assert not answer["ZSW1"] & ZSW1.WARNING
 
 
+def test_a_refused_task_can_be_a_fault():
+    """With `refused_task = "fault"` the drive trips under the number of the warning, brakes with OFF1, and
+    can be acknowledged.
+    """
+    rig = PositionRig(refused_task="fault")
+    rig.enable_axis()
+    answer = rig.go(0.3, MDI_VELOCITY=6_000, POS_STW1=9)
+    assert (answer["WARN_CODE"], answer["FAULT_CODE"]) == (0, 7462)
+    assert answer["ZSW1"] & (ZSW1.WARNING | ZSW1.FAULT | ZSW1.TASK_ACKNOWLEDGED) == ZSW1.FAULT
+    assert rig.drive.state is not AxisState.S4
+    answer = rig.run(READY | 0x80, 0.1)
+    assert not answer["ZSW1"] & ZSW1.FAULT
+
+
 @pytest.mark.requirement("PD-089", "PD-091")
 def test_software_limits():
     """A target beyond them is refused with a warning; set-up ends at them and says so."""

@@ -187,7 +187,10 @@ def fault(code: int) -> Fault:
     with OFF2.
     """
     row = CATALOGUE.get(code) or _BY_EMCY.get(code)
-    return Fault(code, Off.OFF2, _MANUFACTURER, f"fault {code}") if row is None else row
+    if row is not None:
+        return row
+    warning = _WARNING_TEXTS.get(code)
+    return Fault(code, Off.OFF2, _MANUFACTURER, f"fault {code}" if warning is None else warning)
 
 
 class DriveWarning(IntEnum):
@@ -219,6 +222,7 @@ class DriveWarning(IntEnum):
     SECOND_ENCODER = 32410
 
 
+_WARNING_TEXTS: Final = {int(one): one.name.lower().replace("_", " ") for one in DriveWarning}
 _RESTRICTED_SOON: Final = frozenset(
     {
         DriveWarning.CHOPPER,

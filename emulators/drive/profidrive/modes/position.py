@@ -19,7 +19,7 @@ from emulators.drive.profidrive.modes.setpoint_channel import SetpointChannel
 from emulators.drive.profidrive.positioner.positioner import Positioner, Refused, Words
 from emulators.drive.profidrive.process_data import ProcessData
 from emulators.drive.profidrive.safety.state import SafetyState
-from emulators.drive.profidrive.statemachine import AxisState, GeneralStateMachine
+from emulators.drive.profidrive.statemachine import AxisState, GeneralStateMachine, Off
 from emulators.drive.profidrive.torque import TorqueLimits
 from fieldbus.profidrive.formats import N2_ONE
 from fieldbus.profidrive.words import POS_STW2, STW1
@@ -179,6 +179,8 @@ class PositionMode:
             return
         if refused.is_fault:
             self._raise_fault(refused)
+        elif self.positioner.settings.refused_task == "fault":
+            self._raise_fault(refused, reaction=Off.OFF1)
         else:
             faults.warn(refused, True)
 
