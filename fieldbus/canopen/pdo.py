@@ -451,8 +451,8 @@ class TransmitPdo(Pdo):
         self._sent_ns = now = scheduler.now
         if self._inhibit_ns:
             self._not_before_ns = now + self._inhibit_ns
-        if self._period_ns and self._period_timer is None:
-            self._period_timer = scheduler.at(now + self._period_ns, self._period_over)
+        if self._period_ns:
+            self._begin_period()
         self._emit(self.sample())
 
     def _inhibit_over(self) -> None:
@@ -468,8 +468,16 @@ class TransmitPdo(Pdo):
             return
         if self.layout.fields:
             self.trigger()
+        self._begin_period()
+
+    def _begin_period(self) -> None:
+        """Start the event timer unless it runs.
+
+        A method of its own: after `_period_timer = None` the compiler takes it for None, whatever a call has
+        made of it.
+        """
         if self._period_timer is None:
-            self._period_timer = scheduler.at(scheduler.now + self._period_ns, self._period_over)
+            self._period_timer = self._scheduler.at(self._scheduler.now + self._period_ns, self._period_over)
 
     def on_remote_frame(self, _frame: CanFrame, _time_ns: int) -> None:
         """Answer a remote request (C301-041, C301-042, C301-055)."""
