@@ -30,6 +30,7 @@ _NLM_F_ACK: Final = 4
 _NLM_F_DUMP: Final = 0x300
 _CGW_TYPE_CAN_CAN: Final = 1
 _ECHO: Final = 1  # other programs on the machine see what is passed on, as they do on a wire
+_CAN_FD: Final = 8
 _CGW_CS_XOR: Final = 5
 _CGW_HANDLED: Final = 7
 _CGW_DROPPED: Final = 8
@@ -105,6 +106,10 @@ class GatewayRule:
     """How often a frame may have been passed on before, 1 to 255; 0: the kernel's own limit, which is 1."""
     identity: int = 0
     """Number that distinguishes equal rules, 1 to 2^32 - 1; 0: none."""
+    fd: bool = False
+    """The rule is for frames of CAN FD, which no other rule passes; it passes no classic ones, and changes
+    nothing.
+    """
 
     def attributes(self) -> bytes:
         """Return the rule as netlink attributes.
@@ -203,7 +208,7 @@ class Gateway:
         messages = b""
         for kind, rule in requests:
             self._sequence += 1
-            messages += self._message(kind, _NLM_F_REQUEST | _NLM_F_ACK, rule.attributes())
+            messages += self._message(kind, _NLM_F_REQUEST | _NLM_F_ACK, rule.attributes(), fd=rule.fd)
         self._socket.send(messages)
         for (kind, rule), code in zip(requests, self._acknowledgements(len(requests)), strict=True):
             if kind == _RTM_DELROUTE:
@@ -234,8 +239,8 @@ class Gateway:
                         )
                     )
 
-    def _message(self, kind: int, flags: int, attributes: bytes) -> bytes:
-        body = _ROUTE.pack(socket.AF_CAN, _CGW_TYPE_CAN_CAN, _ECHO) + attributes
+    def _message(self, kind: int, flags: int, attributes: bytes, *, fd: bool = False) -> bytes:
+        body = _ROUTE.pack(socket.AF_CAN, _CGW_TYPE_CAN_CAN, _ECHO | _CAN_FD if fd else _ECHO) + attributes
         return _HEADER.pack(_HEADER.size + len(body), kind, flags, self._sequence, 0) + body
 
     def _acknowledgements(self, count: int) -> list[int]:

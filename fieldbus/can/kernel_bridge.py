@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 
 from fieldbus.can.gateway import Gateway, GatewayRule, Modification
 from fieldbus.errors import BusError, UnsupportedFaultError
@@ -14,14 +15,16 @@ class KernelBridge:
     Args:
         near: Interface with the controller.
         far: Interface with the drives.
+        fd: Whether frames of CAN FD pass too.
 
     Raises:
         BusError: The kernel refuses the rules.
 
     """
 
-    def __init__(self, near: str, far: str) -> None:
+    def __init__(self, near: str, far: str, *, fd: bool = False) -> None:
         self.sides = (near, far)
+        self._fd = fd
         self._identity = (
             os.getpid() & 0xFF_FFFF
         ) << 8  # the kernel wants a number to stand for one rule only
@@ -29,10 +32,19 @@ class KernelBridge:
         self._present: dict[str, tuple[GatewayRule, ...]] = {}
         try:
             for source, destination in ((near, far), (far, near)):
-                self._put(source, (GatewayRule(source, destination),))
+                self._put(source, self._everything(source, destination))
         except BusError:
             self._gateway.close()
             raise
+
+    def _other(self, side: str) -> str:
+        near, far = self.sides
+        return far if side == near else near
+
+    def _everything(self, source: str, destination: str) -> tuple[GatewayRule, ...]:
+        """Return the rules that pass whatever comes."""
+        rule = GatewayRule(source, destination)
+        return (rule, replace(rule, fd=True)) if self._fd else (rule,)
 
     def _put(self, source: str, rules: tuple[GatewayRule, ...]) -> None:
         self._gateway.exchange(self._present.get(source, ()), rules)
@@ -53,7 +65,7 @@ class KernelBridge:
                 f"{', '.join(self.sides)}"
             )
         for source in sources:
-            if [(rule.mask, rule.modifications) for rule in self._present[source]] != [(0, ())]:
+            if self._present[source] != self._everything(source, self._other(source)):
                 raise UnsupportedFaultError(
                     f"the gateway of the kernel takes one fault at a time for what comes from {source}"
                 )
@@ -63,6 +75,8 @@ class KernelBridge:
         self, can_id: int, mask: int, *, sender: str = "", data: bytes | None = None
     ) -> KernelTreatment:
         """Drop the frames whose identifier agrees, or exchange their data, until the result is withdrawn.
+
+        Frames of CAN FD are dropped, too; their data are not exchanged.
 
         Args:
             can_id: Identifier.
@@ -77,10 +91,15 @@ class KernelBridge:
         """
         sources = self.check_free(sender)
         for source in sources:
-            [destination] = [side for side in self.sides if side != source]
+            destination = self._other(source)
             rules: list[GatewayRule] = []
+            others = GatewayRule(source, destination, can_id, mask, inverted=True)
             if mask:
-                rules.append(GatewayRule(source, destination, can_id, mask, inverted=True))
+                rules.append(others)
+            if self._fd and data is not None:
+                rules.append(GatewayRule(source, destination, fd=True))
+            elif self._fd and mask:
+                rules.append(replace(others, fd=True))
             if data is not None:
                 change = Modification("SET", length=len(data), data=data)
                 self._identity = self._identity & ~0xFF | self._identity + 1 & 0xFF
@@ -99,8 +118,7 @@ class KernelBridge:
         changing = {rule.identity for source in sources for rule in self._present[source] if rule.identity}
         hits = sum(one.handled for one in self._gateway.counts() if one.identity in changing)
         for source in sources:
-            [destination] = [side for side in self.sides if side != source]
-            self._put(source, (GatewayRule(source, destination),))
+            self._put(source, self._everything(source, self._other(source)))
         return hits
 
     def close(self) -> None:

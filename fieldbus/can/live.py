@@ -229,7 +229,7 @@ class LiveSegment:
             from fieldbus.can.kernel_bridge import KernelBridge
 
             try:
-                kernel = KernelBridge(str(channel), str(further["channel"]))
+                kernel = KernelBridge(str(channel), str(further["channel"]), fd=fd_bitrate is not None)
             except BusError as error:
                 bus.shutdown()
                 raise BusError(f"{name}: {error}") from error

@@ -16,7 +16,7 @@ from emulators.adapter import ChannelState, SlcanDevice
 from fieldbus.can import CanFrame, CanMedium, CanPort, CanSegment, HookResult
 from fieldbus.can.live import LiveSegment
 from fieldbus.clock import MS, RealtimeScheduler, S, Scheduler, VirtualScheduler
-from fieldbus.errors import BusError
+from fieldbus.errors import BusError, ConfigurationError
 
 WAIT = 10 * S
 SETTLE = 50 * MS  # long enough for a frame too many to show up
@@ -26,11 +26,11 @@ MULTICAST = "239.74.163.2"
 class Node:
     """A node that keeps what it receives."""
 
-    def __init__(self, segment: CanSegment, name: str):
+    def __init__(self, segment: CanSegment, name: str, **options: bool):
         self.scheduler: Scheduler = segment.scheduler
         self.received: list[tuple[int, CanFrame]] = []
         self.port: CanPort = segment.attach(
-            name, lambda frame, time_ns: self.received.append((time_ns, frame))
+            name, lambda frame, time_ns: self.received.append((time_ns, frame)), **options
         )
 
     @property
@@ -70,16 +70,23 @@ class Backend:
                 close()
 
 
+FD_BITRATE = 2_000_000
+
+
 def virtual_medium(_channel):
     scheduler = VirtualScheduler()
-    return Backend(scheduler, lambda name: CanMedium(scheduler, name=name), separate=False)
+    return Backend(
+        scheduler, lambda name: CanMedium(scheduler, name=name, data_bitrate=FD_BITRATE), separate=False
+    )
 
 
 def live(interface, channel, **options):
     scheduler = RealtimeScheduler()
     return Backend(
         scheduler,
-        lambda name: LiveSegment.open(scheduler, interface=interface, channel=channel, name=name, **options),
+        lambda name: LiveSegment.open(
+            scheduler, interface=interface, channel=channel, name=name, fd_bitrate=FD_BITRATE, **options
+        ),
         separate=True,
     )
 
@@ -129,7 +136,9 @@ def bridge_from_within(channel):
     }
     return Backend(
         scheduler,
-        lambda name: LiveSegment.open(scheduler, interface="virtual", name=name, **where[name]),
+        lambda name: LiveSegment.open(
+            scheduler, interface="virtual", name=name, fd_bitrate=FD_BITRATE, **where[name]
+        ),
         separate=True,
     )
 
@@ -139,11 +148,18 @@ def bridge_from_outside(channel):
     scheduler = RealtimeScheduler()
     side = {"near": f"{channel} A", "far": f"{channel} B"}
     bridge = LiveSegment.open(
-        scheduler, interface="virtual", name="bridge", channel=side["near"], bridge={"channel": side["far"]}
+        scheduler,
+        interface="virtual",
+        name="bridge",
+        channel=side["near"],
+        bridge={"channel": side["far"]},
+        fd_bitrate=FD_BITRATE,
     )
     return Backend(
         scheduler,
-        lambda name: LiveSegment.open(scheduler, interface="virtual", channel=side[name], name=name),
+        lambda name: LiveSegment.open(
+            scheduler, interface="virtual", channel=side[name], name=name, fd_bitrate=FD_BITRATE
+        ),
         separate=True,
         between=(bridge,),
     )
@@ -212,6 +228,31 @@ def test_frames_arrive_intact(near, far, frame):
     """Identifier, format, kind, length and data arrive as they were sent."""
     near.port.send(frame)
     far.expect(frame)
+
+
+def test_frames_of_can_fd_arrive_intact(backend):
+    """Frames of CAN FD pass between nodes that know them; a classic node beside them hears the classic ones
+    alone.
+    """
+    if backend.near.data_bitrate is None:
+        with pytest.raises(ConfigurationError, match="data_bitrate"):
+            backend.near.attach("near", lambda _frame, _time_ns: None, fd=True)
+        return
+    classic = Node(backend.far, "classic")
+    near, far = Node(backend.near, "near", fd=True), Node(backend.far, "far", fd=True)
+    frames = [
+        CanFrame(0x123, bytes(range(64)), fd=True, brs=True),
+        CanFrame(0x123, b"classic"),
+        CanFrame(0x1ABCDEF0, bytes(12), extended=True, fd=True),
+        CanFrame(0x124, b"", fd=True, esi=True),
+    ]
+    for number, frame in enumerate(frames, 1):
+        near.port.send(frame)
+        assert backend.scheduler.run_until(lambda number=number: len(far.received) == number, WAIT)
+    far.expect(*frames)
+    classic.expect(frames[1])
+    far.port.send(frames[0])
+    near.expect(frames[0])
 
 
 def test_own_frames_do_not_come_back(near, far):

@@ -299,6 +299,61 @@ def test_physical_drive_beyond_a_bridge(vcan_channel, far_channel, tmp_path):
 # -----------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("gateway", ["bench", "kernel"])
+def test_frames_of_can_fd_pass_a_bridge(vcan_channel, far_channel, gateway):
+    """On a segment with `data_bitrate` frames of CAN FD pass in both directions, intact, beside classic
+    ones; a drop by the identifier hits either kind, and then all pass again.
+    """
+    scheduler = RealtimeScheduler()
+    scheduler.every(10 * MS, lambda: None)
+    segment = LiveSegment.open(
+        scheduler,
+        interface="socketcan",
+        channel=vcan_channel,
+        bridge={"channel": far_channel, "gateway": gateway},
+        name="can0",
+        fd_bitrate=2_000_000,
+    )
+    frames = [
+        message(0x321, bytes(range(64)), is_fd=True, bitrate_switch=True),
+        message(0x1ABCDEF0, bytes(12), is_fd=True, is_extended_id=True),
+        message(0x322, b"classic"),
+    ]
+    wanted = [(one.arbitration_id, bytes(one.data)) for one in frames]
+
+    def passed(source, sink, count):
+        for one in frames:
+            source.send(one)
+        found = []
+        scheduler.run_until(lambda: _take(sink, found) >= count, WAIT)
+        scheduler.run_for(50 * MS)
+        _take(sink, found)
+        return [(one.arbitration_id, bytes(one.data)) for one in found]
+
+    try:
+        with (
+            can.Bus(interface="socketcan", channel=vcan_channel, fd=True) as near,
+            can.Bus(interface="socketcan", channel=far_channel, fd=True) as far,
+        ):
+            assert passed(near, far, 3) == wanted
+            assert passed(far, near, 3) == wanted
+            if segment.kernel is not None:
+                treatment = segment.kernel.treat(0x321, 0x7FF)
+                with pytest.raises(UnsupportedFaultError, match="one fault at a time"):
+                    segment.kernel.check_free()
+                assert passed(near, far, 2) == wanted[1:]
+                treatment.withdraw()
+                assert passed(near, far, 3) == wanted
+    finally:
+        segment.close()
+
+
+def _take(bus, found):
+    while (received := bus.recv(0)) is not None:
+        found.append(received)
+    return len(found)
+
+
 class Desk:
     """A live segment on an interface that can be taken down, and a foreign socket on the same."""
 
