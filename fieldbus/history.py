@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from fieldbus.clock import Scheduler
+from fieldbus.growing_log import GrowingLog
 
 Scalar = str | int | float | bool | None
 
@@ -45,7 +46,9 @@ class History:
 
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
-        self.events: list[Event] = []
+        self.events: GrowingLog[Event] = GrowingLog([])
+        """All of them, by their number from the first."""
+        self._newest = self.events.newest
         self.declared: set[str] = set()
         """Kinds that a user's own parts will emit."""
         self._listeners: list[_Listener] = []
@@ -59,7 +62,7 @@ class History:
         order in which they were added.
         """
         event = Event(self._scheduler.now, source, kind, data)
-        self.events.append(event)
+        self._newest.append(event)
         for entry in self._listeners:
             entry.call(event)
 

@@ -22,10 +22,11 @@ class FrameLog:
     def __init__(self, bitrate: int, *, enabled: bool) -> None:
         self.enabled = enabled
         self.entries: list[LogEntry] = []
-        """Grows, is never replaced."""
+        """Those in memory: grows, is never replaced."""
         self._bitrate = bitrate
         self._intermission_ns = INTERMISSION_BITS * S // bitrate
-        # Start and end (ns) on the bus by index in the log, of entries whose length is not that of the frame.
+        self._dropped = 0
+        # Start and end (ns) on the bus by place in the log, of entries whose length is not that of the frame.
         self._spans: dict[int, tuple[int, int]] = {}
 
     def write(self, end_ns: int, sender: str, frame: CanFrame, error: str) -> None:
@@ -44,14 +45,27 @@ class FrameLog:
         """
         if not self.enabled:
             return None
-        place = len(self.entries)
+        place = self._dropped + len(self.entries)
         self._spans[place] = span_ns
         self.entries.append((end_ns, sender, frame, error))
         return place
 
     def extend(self, place: int, free_ns: int) -> None:
         """Let the attempt at `place` have occupied the bus up to `free_ns`."""
-        self._spans[place] = (self._spans[place][0], free_ns)
+        span = self._spans.get(place)
+        if span is not None:
+            self._spans[place] = (span[0], free_ns)
+
+    def drop(self, count: int) -> None:
+        """Remove the oldest entries; the places of the others stay as they are."""
+        del self.entries[:count]
+        for place in range(self._dropped, self._dropped + count) if self._spans else ():
+            self._spans.pop(place, None)
+        self._dropped += count
+
+    def reaches(self, since_ns: int) -> bool:
+        """Whether the entries go back to a time."""
+        return not self._dropped or (bool(self.entries) and self.entries[0][0] <= since_ns)
 
     def last_sender(self) -> str | None:
         """Return who sent the last frame; None: it is not known."""
@@ -62,7 +76,7 @@ class FrameLog:
         busy = 0
         for place in range(len(self.entries) - 1, -1, -1):
             end, _, frame, _ = self.entries[place]
-            span = self._spans.get(place)
+            span = self._spans.get(self._dropped + place)
             if span is None:
                 free = end + self._intermission_ns
                 span = free - frame_bits(frame) * S // self._bitrate, free

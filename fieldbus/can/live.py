@@ -534,6 +534,10 @@ class LiveSegment:
             self.log.append((time_ns, sender, frame, error))
         return time_ns
 
+    def drop_log(self, count: int) -> None:
+        """Remove the oldest entries of `log`, which somebody else keeps or nobody needs."""
+        del self.log[:count]
+
     @property
     def busy_bits(self) -> int:
         """Bit times that the frames which were sent and received take on a wire, since the segment exists."""

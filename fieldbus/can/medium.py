@@ -282,6 +282,10 @@ class CanMedium:
         """
         return self._near.busy_bits
 
+    def drop_log(self, count: int) -> None:
+        """Remove the oldest entries of `log`, which somebody else keeps or nobody needs."""
+        self._frames.drop(count)
+
     def bus_load(self, window_ns: int | None = None) -> float:
         """Return which part of the time the bus was occupied, 0..1; a frame in
         progress does not count (CANP-069).
@@ -290,7 +294,7 @@ class CanMedium:
             window_ns: Length of time up to now (> 0); default: since the segment exists.
 
         Raises:
-            BusError: A window is asked for and the log is not kept.
+            BusError: A window is asked for and the log is not kept, or not in memory for so long.
 
         """
         now = self.scheduler.now
@@ -302,4 +306,6 @@ class CanMedium:
         if not self._frames.enabled:
             raise BusError(f"the bus load of a window needs the log, which {self.name} does not keep")
         since = max(since, now - window_ns)
+        if not self._frames.reaches(since):
+            raise BusError(f"the log of {self.name} in memory is shorter than a window of {window_ns} ns")
         return self._frames.busy_ns(since, now) / (now - since) if now > since else 0.0

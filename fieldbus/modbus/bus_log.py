@@ -5,15 +5,17 @@ it alone.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import Final, Generic, Literal, NamedTuple, TypeVar
 
 from fieldbus.modbus.codes import BROADCAST
 from fieldbus.modbus.decode import request_text, response_text
 from fieldbus.modbus.framing import TcpSplitter, tcp_frame, unwrap_rtu
 from fieldbus.modbus.serial_line import SerialFrame
 from fieldbus.modbus.tcp_link import TcpSegment
+
+T = TypeVar("T")
 
 _HEADER: Final = 7
 _REMEMBERED: Final = 64
@@ -90,6 +92,37 @@ class LogEntry(NamedTuple):
     """`dropped`, `changed`, `collision`, `wrong header`, ..., or nothing."""
 
 
+class ReadList(Generic[T]):
+    """A growing list of somebody else that is read once, and where that is agreed removed behind the reader.
+
+    Args:
+        entries: The list.
+
+    """
+
+    def __init__(self, entries: list[T]) -> None:
+        self._entries = entries
+        self._read = 0
+
+    def take(self) -> list[T]:
+        """Return what has come since the last call."""
+        new = self._entries[self._read :]
+        self._read += len(new)
+        return new
+
+    @property
+    def unread(self) -> int:
+        """Number of entries that have not been taken."""
+        return len(self._entries) - self._read
+
+    def drop(self, most: int | None = None) -> int:
+        """Remove what has been taken from the list, `most` entries at most; returns how many."""
+        count = self._read if most is None else min(most, self._read)
+        del self._entries[:count]
+        self._read -= count
+        return count
+
+
 class SerialLog:
     """Makes frames of the log of a serial line.
 
@@ -99,17 +132,16 @@ class SerialLog:
 
     """
 
-    def __init__(self, source: Sequence[SerialFrame], *, master: str) -> None:
-        self._source = source
+    def __init__(self, source: list[SerialFrame], *, master: str) -> None:
+        self.source = ReadList(source)
         self._master = master
-        self._read = 0
         self._asked: tuple[int, bytes] | None = None
         self.entries: list[LogEntry] = []
-        """What has been made so far; `update` adds."""
+        """What has been made so far; `update` adds. Who has taken the entries may clear it."""
 
     def update(self) -> list[LogEntry]:
         """Return all frames up to now."""
-        for _, end_ns, sender, data, note in self._source[self._read :]:
+        for _, end_ns, sender, data, note in self.source.take():
             content = unwrap_rtu(data)
             asked = b""
             if sender == self._master:
@@ -118,7 +150,6 @@ class SerialLog:
                 fits = self._asked is not None and self._asked[0] == content[0]
                 asked = self._asked[1] if self._asked is not None and fits else _NOT_KNOWN
             self.entries.append(LogEntry(end_ns, sender, ModbusFrame("modbus_rtu", data, asked), note))
-        self._read = len(self._source)
         return self.entries
 
 
@@ -133,22 +164,20 @@ class TcpLog:
     """
 
     def __init__(
-        self, source: Sequence[TcpSegment], *, client: str, names: Mapping[str, str] | None = None
+        self, source: list[TcpSegment], *, client: str, names: Mapping[str, str] | None = None
     ) -> None:
-        self._source = source
+        self.source = ReadList(source)
         self._client = client
         self._names = dict(names or {})
-        self._read = 0
         self._streams: dict[int, tuple[TcpSplitter, TcpSplitter]] = {}
         self._asked: OrderedDict[tuple[int, int], bytes] = OrderedDict()
         self.entries: list[LogEntry] = []
-        """What has been made so far; `update` adds."""
+        """What has been made so far; `update` adds. Who has taken the entries may clear it."""
 
     def update(self) -> list[LogEntry]:
         """Return all frames up to now."""
-        for segment in self._source[self._read :]:
+        for segment in self.source.take():
             self._take(segment)
-        self._read = len(self._source)
         return self.entries
 
     def _add(self, segment: TcpSegment, frame: ModbusFrame, error: str) -> None:

@@ -56,6 +56,8 @@ if TYPE_CHECKING:
     from motion.s7.handles import AxisHandle, EncoderHandle, MeasuringInputHandle, ProxyHandle
 
 _GC_THRESHOLD: Final = 100_000
+_STORING_NS: Final = 50 * MS
+"""From one step of writing a long recording of a live bench to the next."""
 _INJECTOR: Final = 'faults.inject("drive.fault", ...): `faults` is a fixture, else hil.Injector(bench)'
 _INSTEAD: Final = {
     "axes": 'bench.axis("x"), with a name of bench.axis_names',
@@ -111,7 +113,7 @@ class Bench:
         self.scheduler: Scheduler = VirtualScheduler() if self.kind == "virtual" else RealtimeScheduler()
         self.history = History(self.scheduler)
         """Event log."""
-        self.recorder = Recorder(self.history, self.scheduler)
+        self.recorder = Recorder(self.history, self.scheduler, memory_mb=config.bench.recording_memory_mb)
         self.runtime = Runtime(
             self.scheduler,
             cycle_ns=self.cycle_ns,
@@ -150,10 +152,13 @@ class Bench:
                 stack.callback(self._control.nc.stop)
             self._segments.record_requests(self.recorder, self.runtime.after_cycle)
             self.runtime.after_cycle.append(self._after_cycle)
-            self._texts = FrameTexts(config, self._segments, self._control.ports)
+            self._texts = FrameTexts(config, self._segments, self._control.ports, self.recorder.frames)
             if isinstance(self._devices, EmulatedDevices):
                 self._devices.power_on()
             self._control.start()
+            if self.kind == "live":
+                # A step of it is far shorter than a cycle; all at once would hold up the axes.
+                self.scheduler.every(_STORING_NS, self.recorder.store_a_little)
             self._closing = stack.pop_all()
 
     @staticmethod

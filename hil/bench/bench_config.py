@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from emulators.checked_fields import NotNegative
 from fieldbus.clock import MS, US
 from hil.bench._table import Cycles, Table
+from hil.record import MEMORY_MB
 
 Cpu = Literal["S7-1500", "S7-1500T", "S7-1200 G2", "S7-1500T V8", "S7-1500T V7", "S7-1500 V8", "S7-1500 V7"]
 """Controllers, as `motion.s7.compatibility.LEVELS` names them."""
@@ -46,6 +47,10 @@ class BenchTable(Table, frozen=True):
     """
     grace_cycles: Cycles = 3
     """Cycles without actual values after which an axis reports its drive as lost (alarm 431)."""
+    recording_memory_mb: Annotated[int, Field(ge=8, le=1_000_000), Unit("MB")] = MEMORY_MB
+    """Memory of the recording, MB, about. One that grows beyond it goes on in temporary files (in the folder
+    of `TMPDIR`), as long as the disk has room; they vanish with the bench. The trace is the same.
+    """
     memory_card: str | None = None
     """Folder that is the memory card of the controller, relative to the bench file:
     `MC_SaveAbsoluteEncoderData` writes `UserFiles/AbsEncoderData.dat` there; the next start of the bench

@@ -72,7 +72,7 @@ class DriveHost:
     ) -> None:
         self.scheduler = RealtimeScheduler(origin_ns)
         self.history = History(self.scheduler)
-        self.recorder = Recorder(self.history, self.scheduler)
+        self.recorder = Recorder(self.history, self.scheduler, memory_mb=config.bench.recording_memory_mb)
         self.segments: dict[str, LiveSegment] = {}
         self.devices = EmulatedDevices()
         self.places: dict[str, tuple[str, int] | str] = {}

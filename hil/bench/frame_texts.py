@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.can.frame import CanFrame
 from hil.bench.names import named
 
 if TYPE_CHECKING:
-    from fieldbus.can.frame_log import LogEntry
     from fieldbus.canopen.decode import FrameDecoder
     from fieldbus.modbus import ModbusFrame
     from hil.bench.config import BenchConfig
     from hil.bench.drive_ports import DrivePorts
     from hil.bench.modbus_texts import ModbusTexts
     from hil.bench.segments import Segments
+    from hil.record._frames import FrameLog
 
 _TEACHING: Final = (0x580, 0x600, 0x700)
 """SDO in both directions, and boot-up: what changes a mapping."""
@@ -29,13 +30,17 @@ class FrameTexts:
         config: The bench file.
         segments: The buses.
         ports: The controller's ports, which know the mapping that they have written.
+        frames: Returns the recorded frames of a segment.
 
     """
 
-    def __init__(self, config: BenchConfig, segments: Segments, ports: DrivePorts) -> None:
+    def __init__(
+        self, config: BenchConfig, segments: Segments, ports: DrivePorts, frames: Callable[[str], FrameLog]
+    ) -> None:
         self._config = config
         self._segments = segments
         self._ports = ports
+        self._frames = frames
         self._can: dict[str | None, CanTexts] = {}
         self._modbus: ModbusTexts | None = None
 
@@ -64,9 +69,8 @@ class FrameTexts:
         from hil.bench.drives import build_decoder
 
         can = self._segments.can
-        logs = [
-            one.log for one in (can.values() if segment is None else [named("CAN segment", can, segment)])
-        ]
+        names = list(can) if segment is None else [named("CAN segment", can, segment).name]
+        logs = [partial(self._frames, name) for name in names]
         return CanTexts(
             lambda: build_decoder(self._config, self._ports.can, segment=segment),
             [] if self._config.axis else logs,
@@ -84,7 +88,7 @@ class CanTexts:
 
     """
 
-    def __init__(self, build: Callable[[], FrameDecoder], logs: Sequence[Sequence[LogEntry]]) -> None:
+    def __init__(self, build: Callable[[], FrameDecoder], logs: Sequence[Callable[[], FrameLog]]) -> None:
         self._decoder = build()
         self._logs = logs
         self._read = [0] * len(logs)
@@ -101,7 +105,8 @@ class CanTexts:
 
     def _learn(self) -> None:
         for number, log in enumerate(self._logs):
-            for _, _, frame, error in log[self._read[number] :]:
-                if not error:
+            frames = log()
+            for _, _, frame, error in frames[self._read[number] :]:
+                if not error and isinstance(frame, CanFrame):
                     self._decoder.observe(frame)
-            self._read[number] = len(log)
+            self._read[number] = len(frames)

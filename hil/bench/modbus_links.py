@@ -60,6 +60,8 @@ class _Channel:
     client: TcpClient | RtuClient
     link: TcpLink | SerialLine | LiveSerialLine | None = None
     drives: list[str] = field(default_factory=list)
+    pending: list[LogEntry] = field(default_factory=list)
+    """Made, not yet in the log of the segment for good."""
     counted: int = 0
     """Transmissions that are in the load already."""
 
@@ -90,7 +92,8 @@ class ModbusSegment:
         """The virtual line."""
         self._network: SocketNetwork | None = None
         self._merged: list[LogEntry] = []
-        self._taken: dict[int, int] = {}
+        self._unsettled = 0
+        """Entries at the end of `_merged` whose place may change."""
         self._cycle_ns = cycle_ns
         self._ports: list[ProfidriveModbusPort] = []
         self._recorded = False
@@ -209,16 +212,43 @@ class ModbusSegment:
         return self.entries()
 
     def entries(self) -> list[LogEntry]:
-        """Return everything that was on the segment, by time; the list grows."""
-        added: list[LogEntry] = []
-        for number, channel in enumerate(self._channels):
-            entries = channel.log.update()
-            added += entries[self._taken.get(number, 0) :]
-            self._taken[number] = len(entries)
-        if len(self._channels) > 1:
-            added.sort(key=lambda entry: entry.time_ns)
+        """Return everything that was on the segment, by time; it is always the same list."""
+        for channel in self._channels:
+            made = channel.log.update()
+            channel.pending += made
+            made.clear()
+        if len(self._channels) == 1:
+            self._merged += self._channels[0].pending
+            self._channels[0].pending.clear()
+            return self._merged
+        # What ends at this moment may still get company of a channel that comes before: it is put in its
+        # place anew with the next call.
+        del self._merged[len(self._merged) - self._unsettled :]
+        now_ns = self.scheduler.now
+        added = [entry for channel in self._channels for entry in channel.pending]
+        added.sort(key=lambda entry: entry.time_ns)
         self._merged += added
+        for channel in self._channels:
+            channel.pending = [entry for entry in channel.pending if entry.time_ns >= now_ns]
+        self._unsettled = sum(len(channel.pending) for channel in self._channels)
         return self._merged
+
+    def held(self) -> int:
+        """Return the number of entries in memory, about; cheaper than `entries`, which makes them."""
+        return len(self._merged) + sum(channel.log.source.unread for channel in self._channels)
+
+    def drop_log(self, count: int) -> None:
+        """Remove the oldest entries of `entries`, which somebody else keeps or nobody needs."""
+        if count > len(self._merged) - self._unsettled:
+            for channel in self._channels:
+                channel.pending.clear()
+            self._unsettled = 0
+        del self._merged[:count]
+        for channel in self._channels:
+            if isinstance(channel.link, SerialLine | LiveSerialLine):
+                channel.counted -= channel.log.source.drop(channel.counted)
+            else:
+                channel.log.source.drop()
 
     def watch(self, port: ProfidriveModbusPort) -> None:
         """Record the requests of a port; of one that comes when the record has begun nothing is recorded."""

@@ -175,11 +175,12 @@ class Segments:
         """Record the frames of all segments, and the load of those on CAN once per cycle."""
         for name in self.by_name:  # frames of the same time keep the order of the bench file
             if name in self.modbus:
-                recorder.add_bus(name, self.modbus[name].entries)
+                modbus = self.modbus[name]
+                recorder.add_bus(name, modbus.entries, drop=modbus.drop_log, held=modbus.held)
                 continue
             can, section = self.can[name], self._config.segment[name]
             assert isinstance(section, CanTable)
-            recorder.add_bus(name, can.log)
+            recorder.add_bus(name, can.log, drop=can.drop_log)
             meter = LoadMeter(can, bitrate=section.bitrate, cycle_ns=self._cycle_ns)
             after_cycle.append(recorder.add_group(name, LOAD_COLUMNS, meter.row).sample)
 

@@ -166,9 +166,8 @@ class BusView:
         return self._bench.segment(name)
 
     def _log(self, name: str) -> Sequence[tuple[int, str, CanFrame | ModbusFrame, str]]:
-        found = self._segment(name)
-        entries = getattr(found, "entries", None)
-        return entries() if entries is not None else found.log
+        self._segment(name)
+        return self._bench.recorder.frames(name)
 
     def _decoder(self, segment: str) -> FrameDecoder:
         if segment not in self._decoders:

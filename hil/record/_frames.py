@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Final, TypeAlias, overload
 
 import numpy as np
 
 from fieldbus.can.frame import FD_LENGTHS, CanFrame
-from hil.record._spool import Spool
+from hil.record._spool import IN_MEMORY, Spool
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,33 +26,47 @@ _EXTENDED: Final = 0x8000_0000
 _REMOTE: Final = 0x4000_0000
 _FD: Final = 0x2000_0000
 _ID: Final = 0x1FFF_FFFF
-_RECORD: Final = struct.Struct("<qIB8s")
-_FD_RECORD: Final = struct.Struct("<qIBQ")
+_RECORD: Final = struct.Struct("<qIBI8s")
+_FD_RECORD: Final = struct.Struct("<qIBIQ")
 _SIZE: Final = _RECORD.size
 _ROWS: Final = 65_536
 """Frames that are read at a time."""
 
 
 class PackedFrames(Sequence[Entry]):
-    """A log of CAN frames without senders, 21 bytes per frame, those of a long one in a temporary file; it
-    grows at its end only. The data of CAN FD frames are in a second store.
+    """A log of CAN frames, 25 bytes per frame, those of a long one in a temporary file; it grows at its end
+    only. The data of CAN FD frames are in a second store.
+
+    Args:
+        in_memory: Bytes from which on a temporary file is taken.
+
     """
 
-    def __init__(self) -> None:
-        self._spool = Spool()
-        self._long = Spool()
+    def __init__(self, in_memory: int = IN_MEMORY) -> None:
+        self._spool = Spool(in_memory)
+        self._long = Spool(in_memory)
         self._long_bytes = 0
         self._long_view: NDArray[np.uint8] | None = None
         self._view: NDArray[np.uint8] | None = None
-        self._errors: dict[int, str] = {}
+        self._origins: dict[tuple[str, str], int] = {}
+        self._kinds: list[tuple[str, str]] = []
+        """Sender and error of the frames, each pair once."""
         self._count = 0
         self._shift_ns = 0
         self._first_ns = self._last_ns = 0
 
-    def append(self, time_ns: int, frame: CanFrame, error: str = "") -> None:
+    def extend(self, entries: Iterable[tuple[int, str, BusFrame, str]]) -> None:
+        """Add the CAN frames of a log at the end."""
+        for time_ns, sender, frame, error in entries:
+            assert isinstance(frame, CanFrame)  # a CAN bus has no others
+            self.append(time_ns, frame, error, sender=sender)
+
+    def append(self, time_ns: int, frame: CanFrame, error: str = "", *, sender: str = "") -> None:
         """Add a frame at the end."""
-        if error:
-            self._errors[self._count] = error
+        origin = self._origins.get((sender, error))
+        if origin is None:
+            origin = self._origins[sender, error] = len(self._kinds)
+            self._kinds.append((sender, error))
         if not self._count:
             self._first_ns = time_ns
         self._last_ns = time_ns
@@ -60,19 +74,21 @@ class PackedFrames(Sequence[Entry]):
         self._view = None
         word = frame.can_id | (_EXTENDED if frame.extended else 0) | (_REMOTE if frame.remote else 0)
         if frame.fd:
-            self._append_fd(time_ns, word, frame)
+            self._append_fd(time_ns, word, frame, origin)
             return
         self._spool.write(
-            _RECORD.pack(time_ns - self._shift_ns, word, len(frame.data) | frame.dlc << 4, frame.data)
+            _RECORD.pack(time_ns - self._shift_ns, word, len(frame.data) | frame.dlc << 4, origin, frame.data)
         )
 
-    def _append_fd(self, time_ns: int, word: int, frame: CanFrame) -> None:
+    def _append_fd(self, time_ns: int, word: int, frame: CanFrame, origin: int) -> None:
         """Add a frame of CAN FD: the record has the place of its data, BRS and ESI."""
         place = self._long_bytes << 2 | frame.brs << 1 | frame.esi
         self._long.write(frame.data)
         self._long_bytes += len(frame.data)
         self._long_view = None
-        self._spool.write(_FD_RECORD.pack(time_ns - self._shift_ns, word | _FD, frame.dlc << 4, place))
+        self._spool.write(
+            _FD_RECORD.pack(time_ns - self._shift_ns, word | _FD, frame.dlc << 4, origin, place)
+        )
 
     def _fd_frame(self, word: int, dlc: int, place: int) -> CanFrame:
         if self._long_view is None:
@@ -121,29 +137,30 @@ class PackedFrames(Sequence[Entry]):
             index += len(self)
         if not 0 <= index < len(self):
             raise IndexError(index)
-        return self._entry(self._bytes()[index * _SIZE : (index + 1) * _SIZE].tobytes(), 0, index)
+        return self._entry(self._bytes()[index * _SIZE : (index + 1) * _SIZE].tobytes(), 0)
 
     def __iter__(self) -> Iterator[Entry]:
         for first in range(0, len(self), _ROWS):
             part = self._bytes()[first * _SIZE : (first + _ROWS) * _SIZE].tobytes()
             for at in range(0, len(part), _SIZE):
-                yield self._entry(part, at, first + at // _SIZE)
+                yield self._entry(part, at)
 
     def _bytes(self) -> NDArray[np.uint8]:
         if self._view is None:
             self._view = self._spool.view(np.uint8)
         return self._view
 
-    def _entry(self, data: bytes, at: int, index: int) -> Entry:
-        time_ns, word, length, content = _RECORD.unpack_from(data, at)
+    def _entry(self, data: bytes, at: int) -> Entry:
+        time_ns, word, length, origin, content = _RECORD.unpack_from(data, at)
+        sender, error = self._kinds[origin]
         if word & _FD:
             frame = self._fd_frame(word, length >> 4, int.from_bytes(content, "little"))
-            return time_ns + self._shift_ns, "", frame, self._errors.get(index, "") if self._errors else ""
-        frame = CanFrame(
-            word & _ID,
-            content[: length & 0xF],
-            extended=word & _EXTENDED != 0,
-            remote=word & _REMOTE != 0,
-            dlc=length >> 4,
-        )
-        return time_ns + self._shift_ns, "", frame, self._errors.get(index, "") if self._errors else ""
+        else:
+            frame = CanFrame(
+                word & _ID,
+                content[: length & 0xF],
+                extended=word & _EXTENDED != 0,
+                remote=word & _REMOTE != 0,
+                dlc=length >> 4,
+            )
+        return time_ns + self._shift_ns, sender, frame, error

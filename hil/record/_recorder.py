@@ -11,14 +11,31 @@ from fieldbus.clock import Scheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
 from hil.errors import RecordingError
+from hil.record._bus_recording import BusRecording
+from hil.record._column_file import ColumnFile
+from hil.record._stored_log import StoredLog
 
 if TYPE_CHECKING:
     from hil.record._frames import FrameLog
-    from hil.record._trace import Trace
+    from hil.record._trace import Trace, TraceGroup
     from hil.record._vocabulary import Vocabulary
 
 ROWS_PER_CHUNK: Final = 512
 """Rows of one buffer; a full buffer is set aside and a new one begun."""
+MEMORY_MB: Final = 128
+"""Memory of a recording from which on it goes to disk, unless the bench file says otherwise, MB."""
+_EVENT_BYTES: Final = 700
+"""What an event takes in memory, about."""
+_EVENTS_KEPT: Final = 1024
+"""Newest events that stay in memory: those that triggers and texts of a running bench look at."""
+_FRAMES_KEPT: Final = 16_384
+"""Newest frames of a bus that stay in memory, for its load and for who shows it."""
+_ROOM_BUFFERS: Final = 2
+_ROOM_FRAMES: Final = 2000
+_ROOM_EVENTS: Final = 200
+"""Buffers of a group, frames of a bus and events that are written in one step on a live bench: a matter of a
+millisecond or two.
+"""
 
 
 class Group:
@@ -32,10 +49,13 @@ class Group:
         "_chunks",
         "_dropped",
         "_end",
+        "_file",
+        "_filled",
         "_offset",
         "_pack_into",
         "_row",
         "_scheduler",
+        "_stored",
         "_stride",
         "columns",
         "enums",
@@ -48,7 +68,9 @@ class Group:
         columns: tuple[tuple[str, str], ...],
         row: Callable[[], Sequence[float]],
         enums: Mapping[str, Mapping[int, str]],
+        *,
         scheduler: Scheduler,
+        filled: Callable[[], None],
     ) -> None:
         self.name = name
         self.columns = columns
@@ -59,6 +81,9 @@ class Group:
         self._end = layout.size * ROWS_PER_CHUNK
         self._chunks: list[bytearray] = []
         self._dropped = 0
+        self._file: ColumnFile | None = None
+        self._stored = 0
+        self._filled = filled
         self._buffer = bytearray(self._end)
         self._offset = 0
         self._row = row
@@ -82,25 +107,54 @@ class Group:
         if offset == self._end:
             self._chunks.append(self._buffer)
             self._buffer = bytearray(self._end)
-            offset = 0
+            self._offset = 0
+            self._filled()
+            return
         self._offset = offset
 
     @property
     def rows(self) -> int:
         """Number of rows recorded so far, those that were dropped included."""
-        return self._dropped + len(self._chunks) * ROWS_PER_CHUNK + self._offset // self._stride
+        held = len(self._chunks) * ROWS_PER_CHUNK + self._offset // self._stride
+        return self._dropped + self._stored + held
 
     @property
     def first_row(self) -> int:
         """Number of the oldest row that is kept."""
         return self._dropped
 
+    @property
+    def memory(self) -> int:
+        """Bytes of full buffers in memory."""
+        return len(self._chunks) * self._end
+
+    def store(self, most: int | None = None) -> None:
+        """Write full buffers to disk, the oldest first.
+
+        Args:
+            most: Number of buffers at most; None: all.
+
+        Raises:
+            RecordingError: The disk is full.
+
+        """
+        chunks = self._chunks if most is None else self._chunks[:most]
+        if not chunks:
+            return
+        if self._file is None:
+            self._file = ColumnFile(self.name, len(self.columns))
+        content = chunks[0] if len(chunks) == 1 else b"".join(chunks)
+        self._file.write(content, at=self._stored)
+        self._stored += len(chunks) * ROWS_PER_CHUNK
+        del self._chunks[: len(chunks)]
+
     def reader(self, column: str) -> Callable[[], float | None]:
         """Return a cheap function that gives the newest value of `column` (None before the first sample)."""
         names = [name for name, _ in self.columns]
         if column not in names:
             raise RecordingError(f"group {self.name!r} has no column {column!r}; it has: {', '.join(names)}")
-        field = 8 * (1 + names.index(column))
+        number = names.index(column)
+        field = 8 * (1 + number)
         unpack_from = Struct("<d").unpack_from
         stride = self._stride
 
@@ -111,6 +165,8 @@ class Group:
             elif self._chunks:
                 buffer = self._chunks[-1]
                 offset = self._end
+            elif self._file is not None:
+                return float(self._file.values(self._stored - 1, 1)[0, number])
             else:
                 return None
             value: float = unpack_from(buffer, offset - stride + field)[0]
@@ -126,23 +182,52 @@ class Group:
 
         """
         chunks = len(self._chunks) - -(-keep // ROWS_PER_CHUNK)
+        if self._file is not None:
+            first = 0 if chunks < 0 else self._stored
+            if chunks < 0:
+                first = max(0, self._stored + chunks * ROWS_PER_CHUNK)
+            if not first:
+                return
+            left = self._stored - first
+            before, self._file = self._file, None
+            if left:
+                self._file = ColumnFile(self.name, len(self.columns))
+                self._file.write(before.content(first, left), at=0)
+            self._stored = left
+            self._dropped += first
         if chunks > 0:
             del self._chunks[:chunks]
             self._dropped += chunks * ROWS_PER_CHUNK
 
     def content_from(self, row: int) -> bytes:
         """Return the rows from number `row` on, as `content` does, as far as they are kept."""
-        chunk, place = divmod(max(0, row - self._dropped), ROWS_PER_CHUNK)
-        parts = [memoryview(one) for one in self._chunks[chunk:]]
-        parts.append(memoryview(self._buffer)[: self._offset])
-        if chunk > len(self._chunks):
-            return b""
-        parts[0] = parts[0][place * self._stride :]
+        place = max(0, row - self._dropped)
+        parts: list[bytes | bytearray | memoryview] = []
+        if self._file is not None and place < self._stored:
+            parts.append(self._file.content(place, self._stored - place))
+        skipped = max(0, place - self._stored) * self._stride
+        for chunk in self._chunks:
+            if skipped < self._end:
+                parts.append(memoryview(chunk)[skipped:])
+            skipped = max(0, skipped - self._end)
+        parts.append(memoryview(self._buffer)[: self._offset][skipped:])
         return b"".join(parts)
 
     def content(self) -> bytes:
         """Return all rows, little endian: one 64-bit time in ns and one float64 per column."""
-        return b"".join([*self._chunks, memoryview(self._buffer)[: self._offset]])
+        return self.content_from(self._dropped)
+
+    def rows_so_far(self) -> TraceGroup:
+        """Return the rows that are kept; what is on disk is not read for it."""
+        from hil.record._trace import TraceGroup
+
+        file = self._file
+        if file is None:
+            return TraceGroup.from_bytes(self.name, self.columns, self.enums, self.content())
+        self.store()
+        file.write(memoryview(self._buffer)[: self._offset], at=self._stored)
+        rows = self._stored + self._offset // self._stride
+        return TraceGroup(self.name, self.columns, self.enums, file.times(0, rows), file.values(0, rows))
 
 
 class Recorder:
@@ -151,14 +236,19 @@ class Recorder:
     Args:
         history: Event log of the bench.
         scheduler: Source of the time stamps.
+        memory_mb: Memory that it takes at most, about, MB; when it is full, everything but the newest goes to
+            temporary files.
 
     """
 
-    def __init__(self, history: History, scheduler: Scheduler) -> None:
+    def __init__(self, history: History, scheduler: Scheduler, *, memory_mb: int = MEMORY_MB) -> None:
         self.history = history
+        self._limit = memory_mb * 1_000_000
+        self._gradual = False
+        self._full = False
         self._scheduler = scheduler
         self._groups: dict[str, Group] = {}
-        self._buses: dict[str, Callable[[], FrameLog]] = {}
+        self._buses: dict[str, BusRecording] = {}
         self._constants: dict[str, float] = {}
         self._looked_at: set[str] = set()
 
@@ -191,33 +281,116 @@ class Recorder:
             if column not in names:
                 raise ConfigurationError(f"recorder group {name}, enum", column, ", ".join(names))
         group = Group(
-            name, tuple((column, unit) for column, unit in columns), row, enums or {}, self._scheduler
+            name,
+            tuple((column, unit) for column, unit in columns),
+            row,
+            enums or {},
+            scheduler=self._scheduler,
+            filled=self._filled,
         )
         self._groups[name] = group
         return group
 
-    def add_bus(self, name: str, log: FrameLog | Callable[[], FrameLog]) -> None:
-        """Take over the frame log of a segment: a growing list of (time_ns, sender, frame, error), or what
-        returns it.
+    def add_bus(
+        self,
+        name: str,
+        log: FrameLog | Callable[[], FrameLog],
+        *,
+        drop: Callable[[int], None] | None = None,
+        held: Callable[[], int] | None = None,
+    ) -> None:
+        """Take over the frame log of a segment.
+
+        Args:
+            name: The segment.
+            log: A growing list of (time_ns, sender, frame, error), or what returns it.
+            drop: Removes so many entries from its begin, when they are on disk; None: they stay in memory.
+            held: Number of entries in memory, where `log` has to make them first; None: what `log` returns.
+
         """
         if not name or name in self._buses:
             raise ConfigurationError("recorder bus", name, "a new name")
-        self._buses[name] = log if callable(log) else lambda: log
+        self._buses[name] = BusRecording(log, drop, held)
+
+    # -- memory ---------------------------------------------------------------------------------------------
+
+    @property
+    def memory(self) -> int:
+        """What the recording takes in memory, about, bytes."""
+        groups = sum(group.memory for group in self._groups.values())
+        buses = sum(bus.memory for bus in self._buses.values())
+        return groups + buses + len(self.history.events.newest) * _EVENT_BYTES
+
+    def _filled(self) -> None:
+        """Look at the memory, when a buffer is full."""
+        if not self._gradual and self.memory > self._limit:
+            self.store()
+
+    def store(self, *, frames_kept: int = _FRAMES_KEPT, events_kept: int = _EVENTS_KEPT) -> None:
+        """Write all but the newest to temporary files.
+
+        Args:
+            frames_kept: Newest frames of each bus that stay in memory.
+            events_kept: Newest events that do.
+
+        Raises:
+            RecordingError: The disk is full.
+
+        """
+        for group in self._groups.values():
+            group.store()
+        for bus in self._buses.values():
+            bus.store(len(bus) - frames_kept)
+        self._store_events(len(self.history.events.newest) - events_kept)
+
+    def _store_events(self, count: int) -> None:
+        if count > 0:
+            self.history.events.move(count, StoredLog)
+
+    def store_a_little(self) -> None:
+        """Write a part to temporary files, if the memory is full: a live bench calls it again and again, and
+        is not held up by it.
+
+        Raises:
+            RecordingError: The disk is full.
+
+        """
+        self._gradual = True
+        if not self._full and self.memory <= self._limit:
+            return
+        self._full = True
+        fullest = max(self._groups.values(), key=lambda group: group.memory, default=None)
+        if fullest is not None:
+            fullest.store(_ROOM_BUFFERS)
+        for bus in self._buses.values():
+            bus.store(min(_ROOM_FRAMES, len(bus) - _FRAMES_KEPT))
+        self._store_events(min(_ROOM_EVENTS, len(self.history.events.newest) - _EVENTS_KEPT))
 
     def forget(self) -> None:
         """Drop what is recorded so far, of a bench that runs on and on and is not judged."""
         for group in self._groups.values():
             group.forget()
-        for log in self._buses.values():
-            entries = log()
-            if isinstance(entries, list):
-                entries.clear()
+        for bus in self._buses.values():
+            bus.forget()
         self.history.events.clear()
 
     @property
     def frame_count(self) -> int:
         """Number of frames that are recorded of all buses."""
-        return sum(len(log()) for log in self._buses.values())
+        return sum(len(bus.entries()) for bus in self._buses.values())
+
+    def frames(self, bus: str) -> FrameLog:
+        """Return the frames of a bus so far, by their number from the first.
+
+        Raises:
+            RecordingError: There is no such bus.
+
+        """
+        try:
+            return self._buses[bus].entries()
+        except KeyError:
+            known = ", ".join(self._buses) or "none"
+            raise RecordingError(f"no bus {bus!r} is recorded; recorded are: {known}") from None
 
     def set_constant(self, name: str, value: float) -> None:
         """Note a fact of the bench (`axis1.max_deceleration`) that a judge of the trace needs."""
@@ -247,16 +420,12 @@ class Recorder:
 
     def trace(self, vocabulary: Vocabulary | None = None) -> Trace:
         """Return an immutable copy of everything recorded so far, with what could be in it."""
-        from hil.record._trace import Trace, TraceGroup
+        from hil.record._trace import Trace
 
-        groups = [
-            TraceGroup.from_bytes(group.name, group.columns, group.enums, group.content())
-            for group in self._groups.values()
-        ]
         return Trace(
-            groups,
-            events=self.history.events,
-            frames={name: log() for name, log in self._buses.items()},
+            [group.rows_so_far() for group in self._groups.values()],
+            events=self.history.events.copy(),
+            frames={name: bus.entries() for name, bus in self._buses.items()},
             constants=self._constants,
             end_ns=self._scheduler.now,
             vocabulary=vocabulary,

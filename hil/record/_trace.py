@@ -6,15 +6,18 @@ import hashlib
 import json
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from heapq import merge
+from itertools import islice
 from operator import itemgetter
 from pathlib import Path
 from struct import Struct
-from typing import Any, Final, NamedTuple, Self
+from typing import Any, Final, NamedTuple, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldbus.can.frame import CanFrame
+from fieldbus.growing_log import GrowingLog
 from fieldbus.history import Event, Scalar
 from hil.errors import NotRecordedError, RecordingError
 from hil.record._frames import BusFrame, Entry, FrameLog, PackedFrames
@@ -23,6 +26,9 @@ from hil.record._signal import Signal
 from hil.record._spool import new_array
 from hil.record._vocabulary import Vocabulary, similar_signals
 
+_T = TypeVar("_T")
+_Timed = TypeVar("_Timed", bound=tuple[Any, ...])
+"""An entry that begins with its time in ns."""
 _TIME: Final = Struct("<q").pack
 _FRAME_HEAD: Final = Struct("<IBBB").pack
 _OTHER_HEAD: Final = Struct("<qIH").pack
@@ -88,8 +94,8 @@ def _can_log(bus: str, log: FrameLog) -> Iterator[tuple[int, bytes]]:
     The bytes after the time are made once for a frame that is sent many times,
     such as one without acknowledge.
     """
-    if isinstance(log, PackedFrames):
-        # It makes its frames when they are read: equal frames are not the same object.
+    if not isinstance(log, tuple):
+        # On disk: frames are made when they are read, equal ones are not the same object.
         for time_ns, sender, packed, error in log:
             yield time_ns, _TIME(time_ns) + _can_body(packed, packed.data, f"{bus}\0{sender}\0{error}\0")
         return
@@ -188,10 +194,8 @@ class Trace:
         looked_at: set[str] | None = None,
     ) -> None:
         self._groups = {group.name: group for group in groups}
-        self.events: tuple[Event, ...] = tuple(events)
-        self._raw_frames: dict[str, FrameLog] = {
-            bus: log if isinstance(log, PackedFrames) else tuple(log) for bus, log in (frames or {}).items()
-        }
+        self.events: Sequence[Event] = _copied(events)
+        self._raw_frames: dict[str, FrameLog] = {bus: _copied(log) for bus, log in (frames or {}).items()}
         self._frames: tuple[TraceFrame, ...] | None = None
         self._signals: dict[str, Signal] = {}
         self._times: dict[str, NDArray[np.float64]] = {}
@@ -313,12 +317,9 @@ class Trace:
 
     @property
     def frames(self) -> tuple[TraceFrame, ...]:
-        """All frames of all buses, by time."""
+        """All frames of all buses, by time; of a long recording take `iter_frames`."""
         if self._frames is None:
-            merged = [frame for bus in self._raw_frames for frame in self._frames_of(bus)]
-            if len(self._raw_frames) > 1:
-                merged.sort(key=lambda frame: frame.time_ns)
-            self._frames = tuple(merged)
+            self._frames = tuple(self.iter_frames())
         return self._frames
 
     def _frames_of(self, bus: str) -> Iterator[TraceFrame]:
@@ -424,26 +425,36 @@ class Trace:
             for entry in self.events:
                 sha.update(event_json(entry).encode())
                 sha.update(b"\n")
-            if len(self._raw_frames) == 1 and all(
-                isinstance(log, PackedFrames) for log in self._raw_frames.values()
-            ):
-                # One after the other, so that a log of millions of frames is not unpacked for it.
-                for bus, log in self._raw_frames.items():
-                    for _time_ns, content in _can_log(bus, log):
-                        sha.update(content)
-            else:
-                sha.update(b"".join(self._canonical_frames()))
+            frames = self._canonical_frames()
+            # In parts, so that a log of millions of frames is not unpacked for it.
+            while some := b"".join(islice(frames, _PART)):
+                sha.update(some)
             self._digest = sha.hexdigest()
         return self._digest
 
-    def _canonical_frames(self) -> list[bytes]:
+    def _canonical_frames(self) -> Iterator[bytes]:
         """Return the bytes of all frames of all buses, by time, as of `TraceFrame.canonical`."""
-        if any(protocol_of(log) != "can" for log in self._raw_frames.values()):
-            return [frame.canonical() for frame in self.frames]
-        merged = [entry for bus, log in self._raw_frames.items() for entry in _can_log(bus, log)]
-        if len(self._raw_frames) > 1:
-            merged.sort(key=itemgetter(0))
-        return [content for _time_ns, content in merged]
+        logs = [
+            _can_log(bus, log)
+            if protocol_of(log) == "can"
+            else ((frame.time_ns, frame.canonical()) for frame in self._frames_of(bus))
+            for bus, log in self._raw_frames.items()
+        ]
+        return (content for _time_ns, content in self._by_time(logs))
+
+    def iter_frames(self) -> Iterator[TraceFrame]:
+        """Return all frames of all buses, by time, one after the other: those of a long recording do not have
+        to be in memory at once.
+        """
+        return self._by_time([self._frames_of(bus) for bus in self._raw_frames])
+
+    def _by_time(self, logs: Sequence[Iterator[_Timed]]) -> Iterator[_Timed]:
+        """Return the entries of all buses by time; at the same time in the order of the buses."""
+        if len(logs) == 1:
+            return logs[0]
+        if all(isinstance(log, tuple) for log in self._raw_frames.values()):
+            return iter(sorted((entry for log in logs for entry in log), key=itemgetter(0)))
+        return merge(*logs, key=itemgetter(0))
 
     def save(self, path: str | Path) -> tuple[Path, Path]:
         """Write `<path>.npz` (columns) and `<path>.json` (everything else), for `load`; returns both."""
@@ -512,6 +523,15 @@ class Trace:
 
 
 _PART: Final = 65_536
+
+
+def _copied(log: Sequence[_T]) -> Sequence[_T]:
+    """Return a log that does not change any more; what is on disk stays there."""
+    if isinstance(log, GrowingLog):
+        return log.copy()
+    if isinstance(log, PackedFrames):
+        return cast("Sequence[_T]", log)
+    return tuple(log)
 
 
 def _chosen(values: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
