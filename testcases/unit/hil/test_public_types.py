@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Sequence
 from typing import assert_type
 
 import pytest
@@ -48,7 +49,7 @@ def test_types_of_a_test(
     expectation: hil.Expectation = alarm(421, since=hil.event("fault.applied"))
     trace.check(expectation)
     assert_type(trace.checks, list[Check])
-    assert_type(trace.events, tuple[Event, ...])
+    assert_type(trace.events, Sequence[Event])
     segment = bench.segment()
     assert isinstance(segment, CanMedium)
     assert_type(segment.bus_load(), float)
