@@ -811,6 +811,14 @@ def envelope(
     watch: Annotated[
         float, typer.Option("--watch", metavar="S", help="Time that each branch is watched, s.")
     ] = 1.0,
+    until_rest: Annotated[
+        float | None,
+        typer.Option(
+            "--until-rest",
+            metavar="S",
+            help="End a branch when all has been disabled, at rest and without an event for so long.",
+        ),
+    ] = None,
     seed: SeedOption = 1,
     jobs: JobsOption = "0",
     cluster: ClusterOption = "",
@@ -851,6 +859,7 @@ def envelope(
             stimuli=list(stimuli or []),
             every=every,
             watch=watch,
+            until_rest=until_rest,
             seed=seed,
             jobs=parse_jobs(jobs),
             cluster=cluster,

@@ -64,6 +64,7 @@ def envelope_of(
     stimuli: list[str],
     every: str,
     watch: float,
+    until_rest: float | None,
     seed: int,
     jobs: int,
     cluster: str,
@@ -88,6 +89,7 @@ def envelope_of(
             cycle=cycle,
             seed=seed,
             watch=watch,
+            until_rest=until_rest,
             report=report,
             as_json=as_json,
         )
@@ -101,6 +103,7 @@ def envelope_of(
                 every=1 if every == "cycle" else parse_every(every),
                 seed=seed,
                 watch_s=watch,
+                rest_s=until_rest,
                 jobs=jobs,
                 cluster=cluster,
                 budget_s=parse_duration("--budget", budget) or None,
@@ -209,6 +212,7 @@ def _one(
     cycle: int,
     seed: int,
     watch: float,
+    until_rest: float | None,
     report: Path,
     as_json: bool,
 ) -> int:
@@ -217,7 +221,7 @@ def _one(
         raise ConfigurationError("--stimulus", ", ".join(stimuli), "exactly one together with --cycle")
     with quiet_stdout(as_json):
         file = load_bench_file(bench or None)
-        found = witness(file, motion, stimuli[0], cycle, seed=seed, watch_s=watch)
+        found = witness(file, motion, stimuli[0], cycle, seed=seed, watch_s=watch, rest_s=until_rest)
     archive, _ = found.trace.save(report / "witness")
     if as_json:
         print_json({**found.row, "bench": bench, "trace": str(archive)})

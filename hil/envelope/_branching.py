@@ -28,6 +28,7 @@ from hil.envelope._measures import (
     reaction_class,
     unit_of,
 )
+from hil.envelope._rest import RestWatch
 from hil.errors import CannotRunError
 from hil.expect import run_checkers
 from reports.model import Verdict
@@ -110,6 +111,8 @@ class Branching:
         stimuli: What copies are broken with.
         seed: Seed of the bench.
         watch_s: Time that a copy is watched after its stimulus, s.
+        rest_s: End a copy as soon as its machines have been at rest for so long, s, without an enabled axis
+            and without an event; None: watch it to the end.
         rules: Judge every copy by the rules that hold in every run.
 
     Raises:
@@ -125,6 +128,7 @@ class Branching:
         *,
         seed: int,
         watch_s: float,
+        rest_s: float | None,
         rules: bool,
     ) -> None:
         if not hasattr(os, "fork"):
@@ -134,6 +138,7 @@ class Branching:
         self._stimuli = stimuli
         self._seed = seed
         self._watch_ns = seconds_to_ns(watch_s)
+        self._rest_s = rest_s
         self._rules = rules
 
     # -- the undisturbed motion
@@ -286,8 +291,29 @@ class Branching:
         def over() -> NoReturn:
             raise _TimeIsOver
 
-        bench.scheduler.at(bench.scheduler.now + self._watch_ns, over, priority=1_000)
-        self._stimuli[job[1]].apply(bench)
+        begin_ns = bench.scheduler.now
+        bench.scheduler.at(begin_ns + self._watch_ns, over, priority=1_000)
+        stimulus = self._stimuli[job[1]]
+        stimulus.apply(bench)
+        if self._rest_s is None:
+            return
+        drives = drives_of(bench)
+        units = {group.name: dict(group.columns).get("position", "") for group in bench.recorder.groups}
+        rest = RestWatch(
+            bench.recorder,
+            bench.history,
+            drives=drives,
+            units=units,
+            axes=tuple(bench.config.axis),
+            rest_s=self._rest_s,
+            begin_ns=begin_ns + seconds_to_ns(stimulus.duration_s or 0.0),
+        )
+
+        def watch() -> None:
+            if rest.is_over(bench.scheduler.now):
+                raise _TimeIsOver
+
+        bench.on_cycle(watch)
 
     def _row(self, bench: Bench, job: Job, course: Course, problem: str) -> tuple[Row, Trace]:
         trace = bench.trace()
@@ -297,7 +323,11 @@ class Branching:
         broken = []
         if self._rules:
             broken = [check for check in run_checkers(trace) if check.verdict is Verdict.FAILED]
-        found = {axis: measure(trace, drive, at_s, course.ranges[axis]) for axis, drive in drives.items()}
+        watched_s = trace.end_s - at_s if problem else self._watch_ns * 1e-9
+        found = {
+            axis: measure(trace, drive, at_s, course.ranges[axis], watched_s)
+            for axis, drive in drives.items()
+        }
         row: Row = {
             "cycle": cycle,
             "stimulus": number,

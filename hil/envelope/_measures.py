@@ -77,7 +77,14 @@ def display_factor(unit: str) -> float:
     return _DISPLAYED.get(unit, (1.0, unit))[0]
 
 
-def measure(trace: Trace, drive: str, at_s: float, nominal: Range) -> tuple[dict[str, float], float]:
+def rest_speed(unit: str) -> float:
+    """Return the velocity up to which a machine with positions in a unit, m or rad, counts as at rest."""
+    return REST_M_S if unit == "m" else REST_RAD_S
+
+
+def measure(
+    trace: Trace, drive: str, at_s: float, nominal: Range, watched_s: float
+) -> tuple[dict[str, float], float]:
     """Return the measures of the axis behind a drive, by name, and where its machine comes to rest, or is at
     the end of the trace; positions in mm or deg.
     """
@@ -86,18 +93,17 @@ def measure(trace: Trace, drive: str, at_s: float, nominal: Range) -> tuple[dict
     velocity = trace[f"{drive}.velocity"].between(at_s, trace.end_s)
     torque = trace[f"{drive}.torque"].between(at_s, trace.end_s)
     factor = display_factor(whole.unit)
-    settled = velocity.settles(REST_M_S if whole.unit == "m" else REST_RAD_S)
-    watched = trace.end_s - at_s
+    settled = velocity.settles(rest_speed(whole.unit))
     start = whole.at(at_s)
     place = whole.at(trace.end_s if settled is None else settled) * factor
     values = np.append(position.values, start)
     beyond = max(nominal.low - float(values.min()), float(values.max()) - nominal.high, 0.0)
     measures = {
         "stop_distance": abs(place - start * factor),
-        "stop_time": watched if settled is None else max(settled - at_s, 0.0),
+        "stop_time": watched_s if settled is None else max(settled - at_s, 0.0),
         "overshoot": beyond * factor,
         "peak_torque": float(np.abs(torque.values).max(initial=0.0)),
-        "reaction_time": _reaction_time(trace, at_s, watched),
+        "reaction_time": _reaction_time(trace, at_s, watched_s),
     }
     return measures, place
 
@@ -105,12 +111,12 @@ def measure(trace: Trace, drive: str, at_s: float, nominal: Range) -> tuple[dict
 _REACTIONS: Final = ("alarm.raised", "axis.error", "axis.state", "drive.state", "drive.fault")
 
 
-def _reaction_time(trace: Trace, at_s: float, watched: float) -> float:
+def _reaction_time(trace: Trace, at_s: float, watched_s: float) -> float:
     at_ns = round(at_s * 1e9)
     for entry in trace.events:
         if entry.time_ns >= at_ns and entry.kind in _REACTIONS:
             return (entry.time_ns - at_ns) * 1e-9
-    return watched
+    return watched_s
 
 
 def reaction_class(trace: Trace, axes: Sequence[str], at_s: float, checks: Sequence[Check]) -> str:

@@ -29,6 +29,7 @@ class Part:
     stimuli: Sequence[Stimulus]
     seed: int
     watch_s: float
+    rest_s: float | None
     rules: bool
     course: Course
     jobs: Sequence[Job]
@@ -49,6 +50,7 @@ class Part:
             list(self.stimuli),
             seed=self.seed,
             watch_s=self.watch_s,
+            rest_s=self.rest_s,
             rules=self.rules,
         )
         branching.run(self.jobs, self.course, 1, send)

@@ -34,9 +34,12 @@ def replay_branch(token: Token, text: str, bench_file: BenchFile[Bench]) -> Exec
     try:
         motion, stimulus = motion_from(branch["motion"]), stimulus_from_text(str(branch["stimulus"]))
         cycle, watch_s, digest = int(branch["cycle"]), float(branch["watch_s"]), str(branch["digest"])
+        rest_s = None if branch.get("rest_s") is None else float(branch["rest_s"])
     except (KeyError, TypeError, ValueError) as error:
         raise TokenError(f"the replay token is damaged: its branch lacks {error}") from error
-    branching = Branching(bench_file, motion, [stimulus], seed=token.seed, watch_s=watch_s, rules=True)
+    branching = Branching(
+        bench_file, motion, [stimulus], seed=token.seed, watch_s=watch_s, rest_s=rest_s, rules=True
+    )
 
     def run(context: CaseContext) -> None:
         branching.disturbed(context.bench, (cycle, 0))

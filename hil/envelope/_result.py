@@ -134,6 +134,8 @@ class Envelope:
     """Ordered by stimulus and cycle."""
     source: Mapping[str, Any] = field(default_factory=dict)
     """Bench and motion as they are found again; empty: they cannot be."""
+    rest_s: float | None = None
+    """Time at rest after which a copy was ended, s; None: all were watched to the end."""
 
     def unit(self, measure: str, axis: str) -> str:
         """Return the unit of a measure of an axis."""
@@ -226,6 +228,7 @@ class Envelope:
                 "stimulus": branch.stimulus,
                 "cycle": branch.cycle,
                 "watch_s": self.watch_s,
+                "rest_s": self.rest_s,
                 "digest": branch.digest,
             },
         ).encode()
@@ -233,19 +236,30 @@ class Envelope:
     def compared(self, other: Envelope) -> list[EnvelopeDifference]:
         """Return the worst values of the stimuli of both, side by side."""
         axes = [axis for axis in self.axes if axis in other.axes]
+        first, second = self._worst_values(), other._worst_values()
         return [
             EnvelopeDifference(
                 stimulus,
                 measure,
                 axis,
-                _worst(self, measure, axis, stimulus),
-                _worst(other, measure, axis, stimulus),
+                first.get((stimulus, axis, measure)),
+                second.get((stimulus, axis, measure)),
                 self.unit(measure, axis),
             )
             for stimulus in dict.fromkeys((*self.stimuli, *other.stimuli))
             for axis in axes
             for measure in MEASURES
         ]
+
+    def _worst_values(self) -> dict[tuple[str, str, str], float]:
+        """Return the greatest value by stimulus, axis and measure, in one pass over the branches."""
+        found: dict[tuple[str, str, str], float] = {}
+        for branch in self.branches:
+            for axis, measures in branch.measures.items():
+                for measure, value in measures.items():
+                    key = branch.stimulus, axis, measure
+                    found[key] = max(found.get(key, value), value)
+        return found
 
     # -- files
 
@@ -259,6 +273,7 @@ class Envelope:
             "source": dict(self.source),
             "seed": self.seed,
             "watch_s": self.watch_s,
+            "rest_s": self.rest_s,
             "start_s": self.start_s,
             "cycle_s": self.cycle_s,
             "cycles": self.cycles,
@@ -282,12 +297,6 @@ class Envelope:
                 for one in self.cliffs
             ],
         }
-
-    def _ranked(self, axis: str) -> list[Branch]:
-        return self.ranked(next(iter(MEASURES)), axis)
-
-    def _worst_point(self, branch: Branch) -> dict[str, Any]:
-        return {**branch.to_json(), "token": self.token(branch)}
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Return the names of columns, and a row for every branch and axis; None: it has no such measure."""
@@ -350,13 +359,6 @@ def _known(measure: str) -> Measure:
     return MEASURES[measure]
 
 
-def _worst(envelope: Envelope, measure: str, axis: str, stimulus: str) -> float | None:
-    if stimulus not in envelope.stimuli:
-        return None
-    values = [value for branch in envelope.of(stimulus) if (value := branch.value(measure, axis)) is not None]
-    return max(values, default=None)
-
-
 def load_envelope(path: str | Path) -> Envelope:
     """Read the `envelope.json` of a folder, or the file itself.
 
@@ -377,6 +379,7 @@ def load_envelope(path: str | Path) -> Envelope:
             source=content.get("source", {}),
             seed=content["seed"],
             watch_s=content["watch_s"],
+            rest_s=content.get("rest_s"),
             start_s=content["start_s"],
             cycle_s=content["cycle_s"],
             cycles=content["cycles"],

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fieldbus.history import Event
 from hil.expect._profidrive_rules import profidrive_axes, pulses_enabled
-from hil.expect._words import has_torque, normal_state
+from hil.expect._words import has_torque, in_states
 from hil.record import Signal, Trace
 from reports.model import Check, Verdict
 
@@ -186,9 +186,10 @@ def _part_problem(velocity: Signal, position: Signal, entry: float | None) -> tu
     rest_speed = REST_SPEED.get(velocity.unit, 0.0005)
     rest_travel = REST_TRAVEL.get(position.unit, 0.0001)
     speed, times = np.abs(velocity.values), velocity.time_s
-    for index in np.flatnonzero(speed > rest_speed):
-        first = int(np.searchsorted(times, times[index] - WINDOW_S[1]))
-        last = int(np.searchsorted(times, times[index] - WINDOW_S[0], side="right"))
+    moving = np.flatnonzero(speed > rest_speed)
+    firsts = np.searchsorted(times, times[moving] - WINDOW_S[1]).tolist()
+    lasts = np.searchsorted(times, times[moving] - WINDOW_S[0], side="right").tolist()
+    for index, first, last in zip(moving.tolist(), firsts, lasts, strict=True):
         before = float(speed[first:last].max(initial=0.0))
         if first == 0:
             # Soon after the begin there is nothing earlier than the begin itself.
@@ -251,8 +252,7 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
         if len(signal) < 3:
             continue
         state = trace[f"{axis}.state"]
-        steady_codes = [code for code, text in state.enum.items() if normal_state(text) in STEADY_STATES]
-        steady = np.isin(np.round(state.values), steady_codes)
+        steady = in_states(state, STEADY_STATES)
         # On a live bench late cycles are caught up in a burst; each of them is still one cycle of the
         # setpoint.
         step_s = np.maximum(np.diff(signal.time_s), trace.constants.get(f"{axis}.cycle_s", 0.0))
@@ -261,9 +261,7 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
         own = steady & ~given_from_outside(trace, axis)
         inside = own[1:] & own[:-1]
         judged = inside & no_change(trace, axis, signal)
-        stopping = np.isin(
-            np.round(state.values), [c for c, t in state.enum.items() if normal_state(t) in STOPS]
-        )
+        stopping = in_states(state, STOPS)
         steps = np.flatnonzero(inside & (judged | stopping[1:]) & (jump > bound))
         broken = [at for at in steps if judged[at] or not _starts_again(trace, axis, signal, int(at), bound)]
         index = int(broken[0]) if broken else None

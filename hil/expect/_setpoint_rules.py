@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.expect._motion_rules import STEADY_STATES, follows_actual, given_from_outside, no_change
-from hil.expect._words import normal_state
+from hil.expect._words import in_states, normal_state
 from hil.expect.golden import StopRamp, stop_ramp
 from hil.record import Signal, Trace
 from reports.model import Check, Verdict
@@ -41,9 +41,7 @@ def _judged(trace: Trace, axis: str, velocity: Signal) -> Flags:
     """Return the steps between samples in which the axis makes its setpoints
     itself and nothing starts again.
     """
-    state = trace[f"{axis}.state"]
-    codes = [code for code, text in state.enum.items() if normal_state(text) in STEADY_STATES]
-    own = np.isin(np.round(state.values), codes) & ~given_from_outside(trace, axis)
+    own = in_states(trace[f"{axis}.state"], STEADY_STATES) & ~given_from_outside(trace, axis)
     flags: Flags = own[1:] & own[:-1] & no_change(trace, axis, velocity)
     return flags
 

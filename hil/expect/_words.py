@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection, Mapping
 from functools import lru_cache
 from typing import Final
 
@@ -46,6 +47,26 @@ def normal_state(text: str) -> str:
     """
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", text.strip())
     return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
+
+
+def state_codes(enum: Mapping[int, str], states: Collection[str]) -> list[int]:
+    """Return the numbers of some states of a signal, in the spelling of `normal_state`."""
+    return [code for code, text in enum.items() if normal_state(text) in states]
+
+
+def where_code(numbers: NDArray[np.float64], codes: Collection[int]) -> NDArray[np.bool_]:
+    """Return the samples that have one of some numbers: what `numpy.isin` says, for a few of them in a tenth
+    of its time.
+    """
+    found = np.zeros(len(numbers), dtype=bool)
+    for code in codes:
+        found |= numbers == code
+    return found
+
+
+def in_states(signal: Signal, states: Collection[str]) -> NDArray[np.bool_]:
+    """Return the samples of a state signal in some states, in the spelling of `normal_state`."""
+    return where_code(np.rint(signal.values), state_codes(signal.enum, states))
 
 
 def word_samples(

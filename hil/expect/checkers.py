@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fieldbus.history import Event
 from hil.expect._base import pending_alarms
 from hil.expect._log_rules import check_log_signs_of_life, check_log_words
-from hil.expect._motion_rules import check_motion_while_disabled, check_setpoint_continuity
+from hil.expect._motion_rules import STOPS, check_motion_while_disabled, check_setpoint_continuity
 from hil.expect._nc_rules import check_nc_axes
 from hil.expect._profidrive_rules import (
     check_profidrive_sign_of_life,
@@ -31,7 +31,7 @@ from hil.expect._setpoint_rules import (
 )
 from hil.expect._synchronous_rules import check_synchronous_operation
 from hil.expect._wording import rule_sentence
-from hil.expect._words import cia402_state, normal_state
+from hil.expect._words import cia402_state, in_states, normal_state
 from hil.expect.rules import judge
 from hil.record import Trace
 from reports.model import Check, Verdict
@@ -210,7 +210,7 @@ def check_status_words(trace: Trace) -> list[Check]:
 
         rises = np.zeros(len(times), dtype=bool)
         rises[1:] = ((stw1[:-1] & 1) == 0) & ((stw1[1:] & 1) == 1) & ((zsw1[:-1] & zsw1[1:] & 0x40) != 0)
-        ramping = _in_states(trace, axis, {"alarm_ramp", "disabling_ramp", "stopping", "halting"})
+        ramping = in_states(trace[f"{axis}.state"], STOPS)
         braking = _until_zero(ramping, trace[f"{axis}.velocity_setpoint"].values)
         motion_bits = (word >> 12 & 1) + (word >> 13 & 1) + (word >> 14 & 1)
         has_error = (word & 2) != 0
@@ -270,14 +270,10 @@ def _until_zero(ramping: NDArray[np.bool_], setpoint: NDArray[np.float64]) -> ND
     """Return, of every run of true flags, the part before the setpoint is zero: afterwards it may follow
     actual values.
     """
-    result = ramping.copy()
-    ended = False
-    for index in np.flatnonzero(ramping):
-        if index == 0 or not ramping[index - 1]:
-            ended = False
-        ended = ended or abs(setpoint[index]) <= 1e-9
-        result[index] = not ended
-    return result
+    index = np.arange(len(ramping))
+    begun = np.maximum.accumulate(np.where(ramping, -1, index))
+    zero = np.maximum.accumulate(np.where(np.abs(setpoint) <= 1e-9, index, -1))
+    return ramping & (zero <= begun)
 
 
 def _error_spans(
@@ -294,12 +290,6 @@ def _error_spans(
         if reaction:
             must |= (times > start + slack_s) & (times < end - slack_s)
     return must, ~may
-
-
-def _in_states(trace: Trace, axis: str, states: set[str]) -> NDArray[np.bool_]:
-    signal = trace[f"{axis}.state"]
-    codes = [value for value, text in signal.enum.items() if normal_state(text) in states]
-    return np.isin(np.round(signal.values), codes)
 
 
 def check_jobs_and_alarms(trace: Trace) -> list[Check]:
@@ -352,10 +342,11 @@ def check_drive_status_words(trace: Trace) -> list[Check]:
         problems = []
         for time_s, values in signal.parts():
             unknown = [word for word in np.unique(values) if not cia402_state(int(word))]
-            problems += [
-                (float(time_s[i]), f"16#{int(values[i]):04X}")
-                for i in np.flatnonzero(np.isin(values, unknown))
-            ]
+            if unknown:
+                problems += [
+                    (float(time_s[i]), f"16#{int(values[i]):04X}")
+                    for i in np.flatnonzero(np.isin(values, unknown))
+                ]
         checks.append(
             _check(
                 f"statusword of {drive}",
@@ -399,5 +390,6 @@ def run_checkers(trace: Trace, checkers: Iterable[Checker] = ALWAYS_ON) -> list[
     """Return the checks of all checkers, in order, each marked as a rule and with its sentence."""
     checks = [check for checker in checkers for check in checker(trace)]
     for check in checks:
-        check.rule, check.sentence = True, rule_sentence(check)
+        if not check.rule:
+            check.rule, check.sentence = True, rule_sentence(check)
     return checks

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from hil.expect.rules._definition import Flags, Judged, Rule, last_true
+from hil.expect.rules._definition import Flags, Judged, Numbers, Rule, Words, last_true
 from hil.expect.rules._frames import Series
 from hil.expect.rules._views import AxisView, DriveView
 
@@ -52,7 +52,20 @@ def _sent_count(drive: DriveView) -> Series | None:
     return data["position" if drive.number("cia402") is not None else "actual.G1_XIST1"]
 
 
-def _beside(drive: DriveView, sent: Series) -> tuple[np.ndarray, Flags]:
+def _around(values: Numbers, at: Words) -> tuple[Numbers, Numbers]:
+    """Return the least and the greatest of each sample and its neighbours."""
+    before, here, behind = (
+        values[np.maximum(at - 1, 0)],
+        values[at],
+        values[np.minimum(at + 1, len(values) - 1)],
+    )
+    return (
+        np.minimum(np.minimum(before, here), behind),
+        np.maximum(np.maximum(before, here), behind),
+    )
+
+
+def _beside(drive: DriveView, sent: Series) -> tuple[Words, Flags]:
     """Return for each frame the sample of the drive just before it, and whether that is of the same cycle."""
     at = np.searchsorted(drive.time_s, sent.time_s, side="right") - 1
     near = (at >= 0) & (sent.time_s - drive.time_s[np.maximum(at, 0)] < 0.6 * drive.whole.cycle_s)
@@ -97,15 +110,12 @@ def _speed_sent(drive: DriveView) -> Judged | None:
     sent, step = found
     at, near = _beside(drive, sent)
     speed = drive["motor_speed"]
-    later = np.minimum(at + 1, len(speed) - 1)
-    before = np.maximum(at - 1, 0)
-    around = np.stack((speed[before], speed[at], speed[later]))
-    spread_ = around.max(axis=0) - around.min(axis=0)
+    low, high = _around(speed, at)
     limit = (
         np.inf if drive.number("cia402") is not None else 2.0 * (drive.number("reference_speed_rpm") or 0.0)
     )
     off = np.abs(sent.values - np.clip(speed[at], -limit, limit))
-    bound = 5.0 + 0.01 * np.abs(speed[at]) + spread_ + step
+    bound = 5.0 + 0.01 * np.abs(speed[at]) + (high - low) + step
     return Judged(
         sent.time_s,
         near,
@@ -134,9 +144,7 @@ def _torque_sent(drive: DriveView) -> Judged | None:
         return None
     at, near = _beside(drive, sent)
     torque = drive["torque"]
-    later, before = np.minimum(at + 1, len(torque) - 1), np.maximum(at - 1, 0)
-    around = np.stack((torque[before], torque[at], torque[later]))
-    low, high = around.min(axis=0), around.max(axis=0)
+    low, high = _around(torque, at)
     value = sent.values * 0.001 * rated
     slack = 0.002 * rated + 0.5 * (high - low) + 0.05 * rated
     broken = near & ((value < low - slack) | (value > high + slack))

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from hil.expect.rules._definition import Flags, Judged, Numbers, Rule, last_true, spread
+from hil.expect.rules._definition import Flags, Judged, Numbers, Rule, differences, last_true, spread
 from hil.expect.rules._views import CONTROLLED, AxisView, DriveView
 
 _LED: Final = ("enable_ramp", "standstill", "motion", "halting", "stopping", "stop_hold")
@@ -37,7 +37,7 @@ def _permitted(axis: AxisView) -> Numbers | None:
 def _permitted_error(axis: AxisView) -> Judged | None:
     if not axis.has("velocity_setpoint", "permitted_following_error", "state"):
         return None
-    permitted = _permitted(axis)
+    permitted = axis.once(_permitted)
     if permitted is None or axis.number("interpolator_s") is not None:
         return None
     shown = axis["permitted_following_error"]
@@ -98,7 +98,7 @@ def _following_error_alarm(axis: AxisView) -> Judged | None:
     if not axis.has("following_error", "velocity_setpoint", "status_word", "state", "stw1"):
         return None
     enabled = axis.number_over_time("FollowingError.EnableMonitoring")
-    permitted = _permitted(axis)
+    permitted = axis.once(_permitted)
     if enabled is None or permitted is None or axis.number("interpolator_s") is not None:
         return None
     error = np.abs(axis["following_error"])
@@ -113,7 +113,7 @@ def _following_error_alarm(axis: AxisView) -> Judged | None:
     came = _raised_at(axis, 521)
     # In the cycle of the alarm the controller may be open already: its error is that of the sample before.
     before = np.concatenate(([0.0], error[:-1]))
-    step = np.abs(np.diff(error, prepend=error[:1]))
+    step = np.abs(differences(error))
     near = np.maximum(error, before + np.maximum(step, np.concatenate(([0.0], step[:-1]))))
     early = came & (near < 0.9 * np.minimum(permitted, np.concatenate((permitted[:1], permitted[:-1]))))
     unit = axis.unit("following_error")

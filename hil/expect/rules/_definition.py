@@ -14,6 +14,7 @@ from reports.model import Check, Verdict
 
 Flags = NDArray[np.bool_]
 Numbers = NDArray[np.float64]
+Words = NDArray[np.int64]
 Describe = Callable[[int], str]
 """Makes the sentence about what is wrong at an index."""
 View = TypeVar("View")
@@ -82,12 +83,13 @@ class Excuses:
     def __bool__(self) -> bool:
         return bool(self._spans)
 
-    def flags(self, times: Numbers, kinds: tuple[str, ...], recovery_s: float) -> Flags:
-        """Return the times at which faults of some kinds are an excuse."""
-        excused = np.zeros(len(times), dtype=bool)
+    def flags(self, times: Numbers, kinds: tuple[str, ...], recovery_s: float) -> Flags | None:
+        """Return the times at which faults of some kinds are an excuse; None: there was no such fault."""
+        excused = None
         for begin_s, end_s, kind in self._spans:
             if any(kind == one or (one.endswith(".") and kind.startswith(one)) for one in kinds):
-                excused |= (times >= begin_s - 1e-9) & (times <= end_s + recovery_s + 1e-9)
+                here = (times >= begin_s - 1e-9) & (times <= end_s + recovery_s + 1e-9)
+                excused = here if excused is None else excused | here
         return excused
 
 
@@ -99,8 +101,9 @@ def outcome(rule: Rule[View], view: View, component: str, excuses: Excuses, cycl
     judged, broken = found.judged, found.broken
     if excuses and rule.excused_by and len(judged):
         recovery_s = rule.recovery_s + rule.recovery_cycles * cycle_s
-        free = ~excuses.flags(found.time_s, rule.excused_by, recovery_s)
-        judged, broken = judged & free, broken & free
+        excused = excuses.flags(found.time_s, rule.excused_by, recovery_s)
+        if excused is not None:
+            judged, broken = judged & ~excused, broken & ~excused
     seen = int(np.count_nonzero(judged))
     if not seen:
         return None
@@ -117,8 +120,9 @@ def outcome(rule: Rule[View], view: View, component: str, excuses: Excuses, cycl
         observed=observed,
         time_s=time_s,
         requirements=list(rule.requirements),
+        rule=True,
     )
-    check.rule, check.sentence = True, rule_sentence(check)
+    check.sentence = rule_sentence(check)
     return check
 
 
@@ -127,6 +131,13 @@ def runs(flags: Flags) -> Iterator[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
     for start, end in zip(edges[::2], edges[1::2], strict=True):
         yield int(start), int(end)
+
+
+def differences(values: Numbers) -> Numbers:
+    """Return by how much every value differs from the one before; the first one by nothing."""
+    result = np.zeros(len(values))
+    np.subtract(values[1:], values[:-1], out=result[1:])
+    return result
 
 
 def spread(flags: Flags, before: int, after: int) -> Flags:

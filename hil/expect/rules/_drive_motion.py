@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from hil.expect.rules._definition import Flags, Judged, Numbers, Rule, last_true, spread
+from hil.expect.rules._definition import Flags, Judged, Numbers, Rule, differences, last_true, spread
 from hil.expect.rules._views import DriveView
 
 _WRAP: Final = 2.0**32
@@ -27,9 +27,9 @@ def _way_of_velocity(drive: DriveView) -> Judged | None:
         return None
     cycle_s = drive.whole.cycle_s
     p, v = drive["position"], drive["velocity"]
-    way, mean = np.diff(p, prepend=p[0]), np.zeros(len(p))
+    way, mean = differences(p), np.zeros(len(p))
     mean[1:] = 0.5 * (v[1:] + v[:-1]) * cycle_s
-    change = np.abs(np.diff(v, prepend=v[0]))
+    change = np.abs(differences(v))
     around = change.copy()
     around[1:] = np.maximum(around[1:], change[:-1])
     around[:-1] = np.maximum(around[:-1], change[1:])
@@ -40,7 +40,7 @@ def _way_of_velocity(drive: DriveView) -> Judged | None:
     judged = _steady_grid(drive)
     if drive.has("brake_closed"):
         closed = drive["brake_closed"]
-        judged &= ~spread(np.diff(closed, prepend=closed[:1]) != 0.0, 2, 2)
+        judged &= ~spread(differences(closed) != 0.0, 2, 2)
     unit, speed = drive.unit("position"), drive.unit("velocity")
     return Judged(
         drive.time_s,
@@ -107,8 +107,8 @@ def _encoder(drive: DriveView) -> Judged | None:
     fine = 2.0 ** (drive.number("fine_resolution_bits") or 0.0)
     p, count = drive["position"], drive["encoder_increments"]
     per_unit = steps / lead_m * ratio
-    counted = (np.diff(count, prepend=count[0]) + _WRAP / 2) % _WRAP - _WRAP / 2
-    way = np.diff(p, prepend=p[0]) * per_unit
+    counted = (differences(count) + _WRAP / 2) % _WRAP - _WRAP / 2
+    way = differences(p) * per_unit
     powered = np.ones(len(p), dtype=bool)
     starts = drive.whole.events.of(drive.name, "drive.nmt", "nmt.state", "drive.state")
     judged = powered & ~drive.near(starts, 1, 1) & ~_out_of_step(drive)
@@ -148,7 +148,7 @@ def _stop_of_drive(drive: DriveView) -> Judged | None:
     if not top or drive.axis is None:
         return None  # a case that leads the drive itself may have given it other ramps
     demand = drive["velocity_demand"]
-    change = np.abs(np.diff(demand, prepend=demand[0])) / drive.whole.cycle_s
+    change = np.abs(differences(demand)) / drive.whole.cycle_s
     judged, wanted = np.zeros(len(demand), dtype=bool), np.zeros(len(demand))
     steady = _settled(drive, change)
     for state, name in _STOPS:
@@ -179,7 +179,7 @@ def _settled(drive: DriveView, change: Numbers) -> Flags:
     """
     settled = np.ones(len(change), dtype=bool)
     if drive.has("mode"):
-        differs = np.abs(np.diff(change, prepend=change[0])) > 0.005 * np.abs(change)
+        differs = np.abs(differences(change)) > 0.005 * np.abs(change)
         settled = ~(differs & drive.shows("mode", *_POSITION_MODES))
     return settled
 

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from hil.expect._words import where_code
 from hil.expect.rules._definition import Flags, Judged, Rule, last_true, spread
 from hil.expect.rules._views import RESTARTS, DriveView
 
@@ -233,7 +234,7 @@ _PATTERNS: Final[Mapping[str, tuple[int, int]]] = {
 def _in_state_of_profile(drive: DriveView, begin: str) -> Flags:
     signal = drive.whole.trace[f"{drive.name}.state"]
     codes = [code for code, text in signal.enum.items() if text.lower().startswith(begin)]
-    return np.isin(np.rint(signal.values), codes)
+    return where_code(np.rint(signal.values), codes)
 
 
 def _zsw1_state(drive: DriveView) -> Judged | None:

@@ -24,10 +24,9 @@ class Frames(NamedTuple):
 
     def of_length(self, length: int) -> NDArray[np.uint8] | None:
         """Return the bytes, a row per frame; None when one of them has another length."""
-        joined = b"".join(self.data)
-        if len(joined) != length * len(self.data) or any(len(one) != length for one in self.data):
+        if set(map(len, self.data)) - {length}:
             return None
-        return np.frombuffer(joined, dtype=np.uint8).reshape(-1, length)
+        return np.frombuffer(b"".join(self.data), dtype=np.uint8).reshape(-1, length)
 
 
 _NONE = Frames(np.empty(0), [])
@@ -48,17 +47,17 @@ class BusFrames:
     def _of_bus(self, bus: str) -> dict[int, Frames]:
         found = self._buses.get(bus)
         if found is None:
-            times: defaultdict[int, list[int]] = defaultdict(list)
-            data: defaultdict[int, list[bytes]] = defaultdict(list)
+            kept: defaultdict[int, list[tuple[int, bytes]]] = defaultdict(list)
             for time_ns, _sender, frame, error in self._trace.raw_frames(bus):
-                if error or not isinstance(frame, CanFrame) or frame.extended or frame.remote or frame.fd:
+                if error or frame.extended or frame.remote or not isinstance(frame, CanFrame) or frame.fd:
                     continue
-                can_id = frame.can_id
-                times[can_id].append(time_ns)
-                data[can_id].append(frame.data)
+                kept[frame.can_id].append((time_ns, frame.data))
             found = self._buses[bus] = {
-                can_id: Frames(np.array(one, dtype=np.float64) * 1e-9, data[can_id])
-                for can_id, one in times.items()
+                can_id: Frames(
+                    np.array([time_ns for time_ns, _ in one], dtype=np.float64) * 1e-9,
+                    [data for _, data in one],
+                )
+                for can_id, one in kept.items()
             }
         return found
 
@@ -121,6 +120,7 @@ class ProcessData:
         self._node = node
         self._words = words
         self._found: dict[str, Series | None] = {}
+        self._rows: dict[int, tuple[NDArray[np.float64], NDArray[np.uint8]] | None] = {}
 
     def __getitem__(self, name: str) -> Series | None:
         """Return a signal; None where it is not mapped, was not sent, or not in its length."""
@@ -133,24 +133,30 @@ class ProcessData:
         if place is None:
             return None
         base, first, kind = place
-        found = self._frames.of(self._bus, base + self._node)
-        rows = found.of_length(_LENGTHS[base])
-        if rows is None or not len(rows):
+        found = self._of(base, _LENGTHS[base])
+        if found is None:
             return None
         format_ = np.dtype(kind)
-        column = np.ascontiguousarray(rows[:, first : first + format_.itemsize]).view(format_)[:, 0]
-        return Series(found.time_s, column.astype(np.float64))
+        column = np.ascontiguousarray(found[1][:, first : first + format_.itemsize]).view(format_)[:, 0]
+        return Series(found[0], column.astype(np.float64))
+
+    def _of(self, base: int, length: int) -> tuple[NDArray[np.float64], NDArray[np.uint8]] | None:
+        """Return times and bytes of the frames of an identifier; None where they have another length."""
+        if base not in self._rows:
+            found = self._frames.of(self._bus, base + self._node)
+            rows = found.of_length(length)
+            self._rows[base] = None if rows is None or not len(rows) else (found.time_s, rows)
+        return self._rows[base]
 
     def _word(
         self, base: int, word: int, total: int
     ) -> tuple[NDArray[np.float64], NDArray[np.uint16]] | None:
         number = word // _WORDS_PER_PDO
-        found = self._frames.of(self._bus, base + 0x100 * number + self._node)
-        rows = found.of_length(2 * min(_WORDS_PER_PDO, total - number * _WORDS_PER_PDO))
-        if rows is None or not len(rows):
+        found = self._of(base + 0x100 * number, 2 * min(_WORDS_PER_PDO, total - number * _WORDS_PER_PDO))
+        if found is None:
             return None
         first = 2 * (word % _WORDS_PER_PDO)
-        return found.time_s, np.ascontiguousarray(rows[:, first : first + 2]).view("<u2")[:, 0]
+        return found[0], np.ascontiguousarray(found[1][:, first : first + 2]).view("<u2")[:, 0]
 
     def _signal(self, name: str) -> Series | None:
         words = self._words or {}

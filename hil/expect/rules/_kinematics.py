@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from hil.expect.rules._definition import Judged, Numbers, Rule, last_true, spread
+from hil.expect.rules._definition import Judged, Numbers, Rule, differences, last_true, spread
 from hil.expect.rules._views import CONTROLLED, AxisView
 
 _ROUNDING: Final = 1e-9
@@ -42,17 +42,16 @@ def _setpoint_position(axis: AxisView) -> Judged | None:
         return None
     cycle_s = axis.cycle_s
     s, v, a = (axis[column] for column in columns[:3])
-    own = _own_setpoints(axis)
+    own = axis.once(_own_setpoints)
     judged = own.copy()
     judged[1:] &= own[:-1]
     judged[0] = False
     way = np.zeros(len(s))
     way[1:] = 0.5 * (v[1:] + v[:-1]) * cycle_s
-    moved = np.zeros(len(s))
-    moved[1:] = np.diff(s)
+    moved = differences(s)
     bound = np.zeros(len(s))
-    change = np.abs(np.diff(a))
-    inside = np.abs(np.diff(v) - 0.5 * (a[1:] + a[:-1]) * cycle_s)
+    change, gained = np.abs(a[1:] - a[:-1]), v[1:] - v[:-1]
+    inside = np.abs(gained - 0.5 * (a[1:] + a[:-1]) * cycle_s)
     bound[1:] = change * cycle_s**2 / 8.0 + 0.6 * inside * cycle_s
     if axis.ratio > 1:
         bound = _widest(bound, axis.ratio) * axis.ratio**2
@@ -86,7 +85,7 @@ def _setpoint_velocity(axis: AxisView) -> Judged | None:
         return None  # between cycles of the interpolator its velocities lie on a line
     cycle_s = axis.cycle_s
     v, a = (axis[column] for column in columns[:2])
-    own = _own_setpoints(axis)
+    own = axis.once(_own_setpoints)
     judged = last_true(own, 2)
     judged[:-1] &= own[1:]
     judged[-1] = False
@@ -100,9 +99,9 @@ def _setpoint_velocity(axis: AxisView) -> Judged | None:
         hidden = (low == 0.0) & (high == 0.0)
         steepest = _steepest(axis)[1:] * cycle_s * (1.0 + _ROUNDING)
         low, high = np.where(hidden, -steepest, low), np.where(hidden, steepest, high)
-    gained = np.diff(v)
+    gained = v[1:] - v[:-1]
     # A ramp that begins and ends within two cycles shows in the neighbours.
-    calm = np.abs(np.diff(a, prepend=a[0])) * cycle_s
+    calm = np.abs(differences(a)) * cycle_s
     slack = _ROUNDING * (1.0 + np.abs(v))
     off = np.zeros(len(v))
     off[1:] = np.maximum(low - gained, gained - high)
@@ -174,8 +173,8 @@ def _actual_velocity(axis: AxisView) -> Judged | None:
         return None
     s, v = axis["actual_position"], axis["actual_velocity"]
     # Without a drive the velocity setpoint becomes the actual one.
-    valid = last_true(_valid_feedback(axis) & ~axis.simulated, 2)
-    rate = np.diff(s, prepend=s[0]) / axis.cycle_s
+    valid = last_true(axis.once(_valid_feedback) & ~axis.simulated, 2)
+    rate = differences(s) / axis.cycle_s
     off = np.abs(rate - v)
     # Of a count of 32 bits the last digits of the position are rounded, whatever the position is.
     rounded = abs(_increment(axis) or 0.0) * 2.0**-16 / axis.cycle_s
@@ -324,39 +323,20 @@ def _way_per_revolution(axis: AxisView) -> float | None:
     return 360.0 if kind == 1 and axis.unit("actual_position") in ("°", "deg") else None
 
 
-def _telegram_count(axis: AxisView) -> tuple[Numbers, Numbers] | None:
-    """Return times and values of the encoder count that the drive has sent."""
-    drive = axis.drive
-    if drive is None or drive.node is None:
-        return None
-    bus, node = drive.node
-    frames = axis.whole.frames
-    if drive.number("cia402") is not None and drive.number("standard_mapping") != 0.0:
-        found = frames.of(bus, 0x180 + node)
-        rows = found.of_length(8)
-        if rows is None:
-            return None
-        return found.time_s, rows[:, 2:6].copy().view("<i4")[:, 0].astype(np.float64)
-    return None
-
-
 def _own_encoder(axis: AxisView) -> Judged | None:
     if not axis.has("actual_position", "communication_ok", "state"):
         return None
-    increment, counts = _increment(axis), _telegram_count(axis)
-    if increment is None or counts is None or not len(counts[0]):
+    increment, drive = _increment(axis), axis.drive
+    if increment is None or drive is None or drive.number("cia402") is None or drive.data is None:
         return None
-    if _other_encoder(axis) or not axis.off("Sensor[1].Backlash.Enable"):
+    counts = drive.data["position"]
+    if counts is None or _other_encoder(axis) or not axis.off("Sensor[1].Backlash.Enable"):
         return None
-    times, values = counts
-    latest = np.searchsorted(times, axis.time_s - 1e-9, side="right") - 1
-    known = latest >= 0
-    count = values[np.maximum(latest, 0)]
-    step = np.diff(count, prepend=count[0])
-    step = (step + 2.0**31) % 2.0**32 - 2.0**31
+    count, known = counts.latest(axis.time_s)
+    step = (differences(count) + 2.0**31) % 2.0**32 - 2.0**31
     s = axis["actual_position"]
-    moved = np.diff(s, prepend=s[0])
-    valid = last_true(_valid_feedback(axis) & known & ~axis.simulated, 2)
+    moved = differences(s)
+    valid = last_true(axis.once(_valid_feedback) & known & ~axis.simulated, 2)
     expected = step * increment
     unit = axis.unit("actual_position")
     return Judged(

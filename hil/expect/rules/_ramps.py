@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldbus.history import Event
-from hil.expect.rules._definition import Flags, Judged, Numbers, Rule, last_true
+from hil.expect.rules._definition import Flags, Judged, Numbers, Rule, differences, last_true
 from hil.expect.rules._views import CONTROLLED, AxisView
 
 _SHARE: Final = 1.0 + 1e-6
@@ -102,7 +102,7 @@ def _in_segments(axis: AxisView) -> tuple[list[Segment], Flags] | None:
 
 
 def _job_dynamics(axis: AxisView) -> Judged | None:
-    found = _in_segments(axis)
+    found = axis.once(_in_segments)
     if found is None:
         return None
     known, usable = found
@@ -147,17 +147,22 @@ JOB_DYNAMICS: Final = Rule(
 )
 
 
+def _kept_acceleration(axis: AxisView) -> Flags:
+    """Return the samples with the third or a later one of the same acceleration in a row."""
+    a = axis["acceleration_setpoint"]
+    same = np.abs(differences(a)) <= 1e-9 * np.abs(a)
+    return last_true(same & (a != 0.0), 2)
+
+
 def _plateaus(axis: AxisView) -> Judged | None:
-    found = _in_segments(axis)
+    found = axis.once(_in_segments)
     if found is None:
         return None
     known, usable = found
     v, a = axis["velocity_setpoint"], axis["acceleration_setpoint"]
     count = len(v)
     judged, broken = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
-    still = np.zeros(count, dtype=bool)
-    still[1:] = (np.abs(np.diff(a)) <= 1e-9 * np.abs(a[1:])) & (a[1:] != 0.0)
-    still = last_true(still, 2)
+    still = axis.once(_kept_acceleration)
     for part in known:
         inside = slice(part.first + 4, part.behind)
         own = still[inside] & usable[inside] & (v[inside] != 0.0)
@@ -185,14 +190,14 @@ PLATEAUS: Final = Rule(
 
 
 def _job_jerk(axis: AxisView) -> Judged | None:
-    found = _in_segments(axis)
+    found = axis.once(_in_segments)
     if found is None:
         return None
     known, usable = found
     a = axis["acceleration_setpoint"]
     count = len(a)
     judged, broken = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
-    change = np.abs(np.diff(a, prepend=a[0])) / axis.cycle_s
+    change = np.abs(differences(a)) / axis.cycle_s
     for part in known:
         inside = slice(part.first + 3, part.behind)
         own = usable[inside] & np.isfinite(part.jerk[inside])
@@ -218,7 +223,7 @@ JOB_JERK: Final = Rule(
 
 
 def _job_velocity(axis: AxisView) -> Judged | None:
-    found = _in_segments(axis)
+    found = axis.once(_in_segments)
     if found is None:
         return None
     known, usable = found
@@ -280,9 +285,7 @@ def _stop_ramps(axis: AxisView) -> Judged | None:
         return None
     a, v = axis["acceleration_setpoint"], axis["velocity_setpoint"]
     count = len(a)
-    still = np.zeros(count, dtype=bool)
-    still[1:] = (np.abs(np.diff(a)) <= 1e-9 * np.abs(a[1:])) & (a[1:] != 0.0)
-    still = last_true(still, 2) & ~axis.gaps & ~axis.bit(28)
+    still = axis.once(_kept_acceleration) & ~axis.gaps & ~axis.bit(28)
     still &= ~axis.near(axis.whole.events.of(axis.name, "program.write", "axis.homed"), 0, 3)
     judged, broken = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
     wanted = np.zeros(count)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from hil.expect._words import normal_state
+from hil.expect.rules._component import ComponentView, kept
 from hil.expect.rules._definition import Excuses, Flags, Numbers
 from hil.expect.rules._frames import BusFrames, ProcessData
 
@@ -159,29 +159,19 @@ class TraceView:
         )
 
 
-class AxisView:
-    """An axis of the controller: its columns on the grid of its cycle."""
+class AxisView(ComponentView):
+    """An axis of the controller, on the grid of its cycle."""
 
     def __init__(self, whole: TraceView, name: str, drive: str) -> None:
+        super().__init__(whole.trace, name)
         self.whole = whole
-        self.name = name
         self.drive_name = drive
-        self._trace = whole.trace
         self.cycle_s = float(whole.numbers.get(f"{name}.cycle_s", 0.0)) or self._usual_step()
+        self._numbers: dict[str, Numbers | None] = {}
 
     def _usual_step(self) -> float:
         times = self.time_s
         return float(np.median(np.diff(times))) if len(times) > 1 else 0.004
-
-    @cached_property
-    def time_s(self) -> Numbers:
-        """Time of every sample."""
-        return self._trace[f"{self.name}.actual_position"].time_s
-
-    @cached_property
-    def time_ns(self) -> Numbers:
-        """The same, ns, rounded."""
-        return np.rint(self.time_s * 1e9)
 
     @property
     def has_position(self) -> bool:
@@ -205,35 +195,10 @@ class AxisView:
         """The faults that hit it."""
         return self.whole.excuses((self.name, self.drive_name))
 
-    def has(self, *columns: str) -> bool:
-        """Return whether columns are recorded."""
-        return all(f"{self.name}.{column}" in self._trace for column in columns)
-
-    def __getitem__(self, column: str) -> Numbers:
-        return self._trace[f"{self.name}.{column}"].values
-
-    def unit(self, column: str) -> str:
-        """Return the unit of a column."""
-        return self._trace[f"{self.name}.{column}"].unit
-
-    def word(self, column: str) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
-        """Return a column as whole numbers."""
-        return self[column].astype(np.int64)
-
-    def bit(self, number: int, column: str = "status_word") -> Flags:
-        """Return a bit of a word."""
-        return np.asarray(self.word(column) >> number & 1, dtype=bool)
-
     @cached_property
     def simulated(self) -> Flags:
         """The samples in which it uses no drive (StatusWord.X25)."""
-        return self.bit(25) if self.has("status_word") else np.zeros(len(self.time_s), dtype=bool)
-
-    def in_states(self, *texts: str) -> Flags:
-        """Return the samples in some states of the axis."""
-        signal = self._trace[f"{self.name}.state"]
-        codes = [code for code, text in signal.enum.items() if normal_state(text) in texts]
-        return np.isin(np.rint(signal.values), codes)
+        return self.bit(25) if self.has("status_word") else kept(np.zeros(len(self.time_s), dtype=bool))
 
     def number(self, path: str) -> float | None:
         """Return a number of the bench, or the value of a variable that nobody has assigned."""
@@ -247,6 +212,12 @@ class AxisView:
 
     def number_over_time(self, path: str) -> Numbers | None:
         """Return the value of a variable in every cycle, with assignments of the program and restarts."""
+        if path not in self._numbers:
+            found = self._number_over_time(path)
+            self._numbers[path] = None if found is None else kept(found)
+        return self._numbers[path]
+
+    def _number_over_time(self, path: str) -> Numbers | None:
         start = self.whole.numbers.get(f"{self.name}.{path}")
         if start is None:
             return None
@@ -291,38 +262,19 @@ class AxisView:
             self.whole.events.all("controller.initialised", "controller.state")
         )
 
-    def index_of(self, time_ns: int) -> int:
-        """Return the first sample at or after a time."""
-        return int(np.searchsorted(self.time_ns, time_ns - 0.5))
-
-    def near(self, events: Iterable[Event], before: int = 1, after: int = 1) -> Flags:
-        """Return the samples around events: so many before the one that shows it first, so many after."""
-        flags = np.zeros(len(self.time_s), dtype=bool)
-        for entry in events:
-            index = self.index_of(entry.time_ns)
-            flags[max(index - before, 0) : index + after + 1] = True
-        return flags
-
     @cached_property
     def gaps(self) -> Flags:
         """The samples that do not follow the one before by one cycle; the first is one."""
-        steps = np.diff(self.time_s)
-        return np.concatenate(([True], np.abs(steps - self.cycle_s) > 0.01 * self.cycle_s))
+        gaps: Flags = np.abs(np.diff(self.time_s, prepend=-np.inf) - self.cycle_s) > 0.01 * self.cycle_s
+        return kept(gaps)
 
 
-class DriveView:
-    """A drive: its columns on the grid of the bench cycle, its telegrams, its numbers."""
+class DriveView(ComponentView):
+    """A drive, on the grid of the bench cycle: its columns, its telegrams, its numbers."""
 
     def __init__(self, whole: TraceView, name: str) -> None:
+        super().__init__(whole.trace, name)
         self.whole = whole
-        self.name = name
-        self._trace = whole.trace
-
-    @cached_property
-    def time_s(self) -> Numbers:
-        """Time of every sample."""
-        group = next(group for group in self._trace.groups if group.name == self.name)
-        return (group.time_ns * 1e-9).astype(np.float64)
 
     @cached_property
     def axis(self) -> AxisView | None:
@@ -334,48 +286,9 @@ class DriveView:
         """The faults that hit it."""
         return self.whole.excuses((self.name, self.axis.name if self.axis is not None else ""))
 
-    def has(self, *columns: str) -> bool:
-        """Return whether columns are recorded."""
-        return all(f"{self.name}.{column}" in self._trace for column in columns)
-
-    def __getitem__(self, column: str) -> Numbers:
-        return self._trace[f"{self.name}.{column}"].values
-
-    def unit(self, column: str) -> str:
-        """Return the unit of a column."""
-        return self._trace[f"{self.name}.{column}"].unit
-
-    def word(self, column: str) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
-        """Return a column as whole numbers."""
-        return self[column].astype(np.int64)
-
-    def in_states(self, *texts: str) -> Flags:
-        """Return the samples in some states of the drive."""
-        signal = self._trace[f"{self.name}.state"]
-        codes = [code for code, text in signal.enum.items() if normal_state(text) in texts]
-        return np.isin(np.rint(signal.values), codes)
-
-    def shows(self, column: str, *texts: str) -> Flags:
-        """Return the samples in which a column has one of some texts."""
-        signal = self._trace[f"{self.name}.{column}"]
-        codes = [code for code, text in signal.enum.items() if text in texts]
-        return np.isin(np.rint(signal.values), codes)
-
     def number(self, name: str) -> float | None:
         """Return a number of the bench file."""
         return self.whole.numbers.get(f"{self.name}.{name}")
-
-    def index_of(self, time_ns: int) -> int:
-        """Return the first sample at or after a time."""
-        return int(np.searchsorted(self.time_s, time_ns * 1e-9 - 5e-10))
-
-    def near(self, events: Iterable[Event], before: int = 1, after: int = 1) -> Flags:
-        """Return the samples around events: so many before the one that shows it first, so many after."""
-        flags = np.zeros(len(self.time_s), dtype=bool)
-        for entry in events:
-            index = self.index_of(entry.time_ns)
-            flags[max(index - before, 0) : index + after + 1] = True
-        return flags
 
     @cached_property
     def data(self) -> ProcessData | None:

@@ -81,6 +81,30 @@ def test_the_numbers_are_those_of_the_stop():
 
 
 @pytest.mark.exhaustive
+def test_a_copy_ends_when_nothing_more_is_to_come():
+    """With a time at rest a copy ends once its axes are disabled, at rest and without an event for so long:
+    the numbers are the same, and a branch run alone ends there too. An enabled axis is watched to the end.
+    """
+    stimuli = ("drive.fault:code=0x2310", "operator.halt", "drive.fault:code=0x2310,duration_s=0.4")
+    whole, short = envelope(*stimuli), envelope(*stimuli, rest_s=0.15)
+    for one, other in zip(whole.branches, short.branches, strict=True):
+        assert (one.cycle, one.reaction, one.measures, one.rest) == (
+            other.cycle, other.reaction, other.measures, other.rest,
+        )  # fmt: skip
+        assert (one.digest == other.digest) == ("halt" in one.stimulus), one.stimulus
+    ends = {}
+    for stimulus in short.stimuli:
+        branch = short.of(stimulus)[1]
+        alone = witness("reference", move, stimulus, 100, before=enable, watch_s=0.6, rest_s=0.15)
+        assert alone.trace.digest() == branch.digest
+        ends[stimulus] = alone.trace.end_s - short.start_s - branch.time_s
+    tripped, halted, lasting = (ends[one] for one in short.stimuli)
+    assert halted == pytest.approx(0.6)
+    assert 0.15 < tripped < 0.5
+    assert lasting == pytest.approx(0.55, abs=0.01)
+
+
+@pytest.mark.exhaustive
 def test_a_sweep_goes_on_where_it_was_killed(tmp_path, monkeypatch):
     """Branches are kept as they end; the rest of a cut line is dropped; another envelope is not continued."""
     whole = envelope("operator.halt", folder=tmp_path)
