@@ -899,7 +899,8 @@ def mutants(
         list[str] | None,
         typer.Option(
             "--area",
-            help="Only defects of this area, with --mechanical of this package or module; may be repeated.",
+            help="Only defects of this area, with --mechanical and --unreached of this package or module; "
+            "may be repeated.",
         ),
     ] = None,
     campaign: Annotated[
@@ -953,6 +954,13 @@ def mutants(
         ),
     ] = 0,
     only_list: Annotated[bool, typer.Option("--list", help="Show the defects and run nothing.")] = False,
+    unreached: Annotated[
+        bool,
+        typer.Option(
+            "--unreached",
+            help="Show the statements of --area that no case comes to, without any defect.",
+        ),
+    ] = False,
     resume: ResumeOption = False,
     last_failed: Annotated[
         bool,
@@ -983,7 +991,7 @@ def mutants(
 
     core_build.restart_pure()
     from hil._commands.durations import parse_duration
-    from hil._commands.mutants import MutantsRequest, seed_defects
+    from hil._commands.mutants import MutantsRequest, seed_defects, show_unreached
     from hil._commands.run import parse_jobs
 
     request = MutantsRequest(
@@ -1007,7 +1015,7 @@ def mutants(
         coverage=coverage,
         budget_s=parse_duration("--budget", budget),
     )
-    raise typer.Exit(seed_defects(request))
+    raise typer.Exit(show_unreached(request) if unreached else seed_defects(request))
 
 
 @app.command()

@@ -21,8 +21,10 @@ from hil.mutants import (
     as_run,
     draw,
     find_judges,
+    line_ranges,
     load_catalogue,
     load_stored,
+    reach,
     select_mutants,
     shares,
     store,
@@ -142,6 +144,41 @@ def seed_defects(request: MutantsRequest) -> int:
         print_json([result.as_dict() for result in seeding.results])
     _tell(seeding, request.report)
     return seeding.exit_code
+
+
+def show_unreached(request: MutantsRequest) -> int:
+    """Print the statements that no case comes to, by module; return the exit code.
+
+    0: there are none; 1: there are some; 2: a case is red, or the budget has ended before all cases had run.
+    """
+    with quiet_stdout(request.as_json):
+        seeder = Seeder(
+            (),
+            find_judges(_references(request)),
+            SeedingOptions(jobs=request.jobs, limit_s=request.limit_s, budget_s=request.budget_s),
+            on_baseline=_Progress().baseline,
+            coverage=Coverage.of(request.coverage),
+        )
+        found = reach(seeder, request.areas)
+        seeding = seeder.so_far()
+    if request.as_json:
+        print_json([one.as_dict() for one in found])
+    out = console()
+    for one in found:
+        if one.unreached:
+            out.print(
+                f"{one.module}: {len(one.unreached)} of {one.statements}: lines {line_ranges(one)}",
+                markup=False,
+                soft_wrap=True,
+            )
+    total, unreached = sum(one.statements for one in found), sum(len(one.unreached) for one in found)
+    text = f"{unreached} of {total} statements reached by none of {len(seeding.baseline)} cases"
+    if seeding.unknown:
+        text += f"; {seeding.unknown} cases did not run: the budget is used up"
+    out.print(text, style="bold", markup=False)
+    if seeding.red or seeding.unknown:
+        return 2
+    return 1 if unreached else 0
 
 
 def _mutants(request: MutantsRequest) -> list[Mutant]:

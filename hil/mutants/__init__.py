@@ -26,6 +26,7 @@ from hil.mutants._results import (
     store,
 )
 from hil.mutants._seeding import MutantResult, Seeder, Seeding, SeedingOptions
+from hil.mutants._unreached import ModuleReach, line_ranges, reach
 from hil.mutants._worker import Outcome
 
 __all__ = [
@@ -35,6 +36,7 @@ __all__ = [
     "Coverage",
     "Edit",
     "Judge",
+    "ModuleReach",
     "Mutant",
     "MutantResult",
     "Outcome",
@@ -51,9 +53,11 @@ __all__ = [
     "find_judges",
     "hinted",
     "in_order",
+    "line_ranges",
     "load_catalogue",
     "load_stored",
     "markdown",
+    "reach",
     "seeded",
     "select_mutants",
     "shares",

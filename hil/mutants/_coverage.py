@@ -79,6 +79,11 @@ class MarkNumbers:
             whole[first : first + len(bits)] = bits
         return int.from_bytes(whole, "little")
 
+    def part(self, module: str, passed: int) -> int:
+        """Return the marks of one module out of those of all."""
+        first, size = self._places.get(module, (0, 0))
+        return passed >> 8 * first & (1 << 8 * size) - 1
+
     def modules(self, names: Iterable[str]) -> int:
         """Return all marks of modules; of one that no case comes to there are none."""
         found = 0

@@ -43,6 +43,8 @@ class Marked:
     """How many marks it has."""
     by_line: Mapping[int, int]
     """For the first line of every statement of a function the mark that tells whether it is reached."""
+    classes: Mapping[str, range]
+    """Lines of its classes, by name."""
 
 
 def product_modules() -> list[str]:
@@ -73,6 +75,11 @@ def marked(module: str) -> Marked | None:
     except (ImportError, OSError):
         return None
     tree = ast.parse(source)
+    classes = {
+        node.name: range(node.lineno, (node.end_lineno or node.lineno) + 1)
+        for node in tree.body
+        if isinstance(node, ast.ClassDef)
+    }
     bodies = [node.body for node in ast.walk(tree) if isinstance(node, _FUNCTIONS)]
     blocks = [block for body in bodies for block in _blocks(body)]
     by_line: dict[int, int] = {}
@@ -88,7 +95,7 @@ def marked(module: str) -> Marked | None:
             block.insert(at, _mark(starts[at], block[at]))
     file = inspect.getsourcefile(imported) or module
     code = compile(ast.fix_missing_locations(tree), file, "exec", dont_inherit=True)
-    return Marked(module, source_digest(module), marshal.dumps(code), total, by_line)
+    return Marked(module, source_digest(module), marshal.dumps(code), total, by_line, classes)
 
 
 def _blocks(body: list[ast.stmt]) -> Iterator[list[ast.stmt]]:

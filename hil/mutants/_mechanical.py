@@ -25,6 +25,7 @@ from hil.mutants._patch import TargetChangedError, defect_patch, function_of
 _LEFT_OUT: Final = frozenset({"__repr__", "__str__", "__hash__", "__eq__", "summary", "describe"})
 """Functions for people who read, and not for drives and controllers."""
 _EQUIVALENTS: Final = "equivalent_mutants.toml"
+_LIVE_CODE: Final = "live_code.toml"
 
 
 @dataclass(frozen=True)
@@ -50,12 +51,13 @@ def draw(number: int, seed: int, areas: Sequence[str] = ()) -> list[Mutant]:
         number: How many.
         seed: Of the draw.
         areas: Packages or modules that take part, `motion` or `emulators.drive`; none: all of `PACKAGES`.
+            `live_code` takes no part.
 
     Raises:
         CannotRunError: An area is none, or has fewer statements.
 
     """
-    chosen = _packages(areas)
+    chosen = packages_of(areas)
     by_package = {name: list(_places(name, areas)) for name in chosen}
     total = sum(map(len, by_package.values()))
     if number > total:
@@ -87,7 +89,13 @@ def _draw_from(places: list[_Place], number: int, source: random.Random) -> Iter
         yield mutant
 
 
-def _packages(areas: Sequence[str]) -> list[str]:
+def packages_of(areas: Sequence[str]) -> list[str]:
+    """Return the packages that areas are in; no areas: all of `PACKAGES`.
+
+    Raises:
+        CannotRunError: An area is in none of them.
+
+    """
     for area in areas:
         package = area.partition(".")[0]
         if package not in PACKAGES:
@@ -99,18 +107,30 @@ def _packages(areas: Sequence[str]) -> list[str]:
 
 
 def _places(package: str, areas: Sequence[str]) -> Iterator[_Place]:
-    """Yield the statements of a package that can be changed."""
+    """Yield the statements of a package that can be changed and that a virtual bench can run."""
+    for name in modules_of_package(package, areas):
+        for place in _places_of(name):
+            if f"{name}:{place.path.partition('.')[0]}" not in live_code():
+                yield place
+
+
+def modules_of_package(package: str, areas: Sequence[str]) -> list[str]:
+    """Return the modules of a package that are in the areas, without those that no virtual bench runs.
+
+    Raises:
+        CannotRunError: There are none.
+
+    """
     inside = [area for area in areas if area.partition(".")[0] == package]
     root = import_module(package)
-    names = sorted(one.name for one in pkgutil.walk_packages(root.__path__, f"{package}."))
-    found = False
-    for name in names:
-        if inside and not any(name == area or name.startswith(f"{area}.") for area in inside):
-            continue
-        found = True
-        yield from _places_of(name)
-    if not found:
+    names = [
+        one.name
+        for one in pkgutil.walk_packages(root.__path__, f"{package}.")
+        if not inside or any(one.name == area or one.name.startswith(f"{area}.") for area in inside)
+    ]
+    if not names:
         raise CannotRunError(f"--area {inside[0]!r}: there is no such module")
+    return sorted(name for name in names if name not in live_code())
 
 
 @cache
@@ -190,3 +210,12 @@ def equivalents() -> Mapping[str, str]:
     """
     text = files("hil").joinpath("data", _EQUIVALENTS).read_text(encoding="utf-8")
     return {entry["name"]: entry["reason"] for entry in tomllib.loads(text).get("mutant", [])}
+
+
+@cache
+def live_code() -> Mapping[str, str]:
+    """Return the modules (`fieldbus.can.live`) and classes (`fieldbus.clock:RealtimeScheduler`) that no bench
+    in virtual time runs, each with the reason.
+    """
+    text = files("hil").joinpath("data", _LIVE_CODE).read_text(encoding="utf-8")
+    return {entry["name"]: entry["reason"] for entry in tomllib.loads(text)["code"]}

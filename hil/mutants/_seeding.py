@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
+from functools import reduce
+from operator import or_
 from typing import Any, Final
 
 from fieldbus import core_build
@@ -229,8 +231,8 @@ class Seeder:
         earlier_seconds: float = 0.0,
         coverage: Coverage | None = None,
     ) -> None:
-        if not mutants or not judges:
-            raise CannotRunError("nothing to do: there are no defects, or no cases to judge them")
+        if not judges:
+            raise CannotRunError("nothing to do: there are no cases")
         if core_build.kind() == core_build.COMPILED:
             raise CannotRunError(f"defects are seeded into ordinary Python: set {core_build.VARIABLE}=pure")
         self._mutants = list(mutants)
@@ -256,9 +258,12 @@ class Seeder:
         """Run; Ctrl-C ends early, with the results so far and `interrupted` set.
 
         Raises:
-            CannotRunError: A change cannot be made: the product is not what the catalogue says.
+            CannotRunError: There are no defects, or a change cannot be made: the product is not what the
+                catalogue says.
 
         """
+        if not self._mutants:
+            raise CannotRunError("nothing to do: there are no defects")
         seeding = self._seeding
         try:
             self._places = {mutant.name: places_of(mutant) for mutant in self._mutants}
@@ -271,6 +276,16 @@ class Seeder:
         except KeyboardInterrupt:
             seeding.interrupted = True
         return self._sum_up()
+
+    def come_to(self, modules: Sequence[str]) -> dict[str, int]:
+        """Run the cases of which nothing is known, without a defect; return for each module the marks that
+        any of the cases passes, as bits of a number. The budget, if there is one, is for this.
+        """
+        self._scope = scope_of(modules)
+        self._measure(self._judges, 1.0)
+        self._seeding.unknown = len(self._judges) - len(self._passed)
+        passed = reduce(or_, self._passed.values(), 0)
+        return {name: self._numbers.part(name, passed) for name in modules}
 
     def so_far(self) -> Seeding:
         """Return what is known by now, marked as interrupted."""
@@ -310,7 +325,7 @@ class Seeder:
     # -- baseline
     # -----------------------------------------------------------------------------------------------
 
-    def _measure(self, judges: Sequence[Judge]) -> bool:
+    def _measure(self, judges: Sequence[Judge], share: float = 0.5) -> bool:
         """Run cases without a defect, those of which nothing is known; returns whether all are green."""
         started = time.perf_counter()
         seeding, seed = self._seeding, self._options.case_seed
@@ -326,7 +341,7 @@ class Seeder:
                 seeding.baseline[judge] = Outcome(
                     judge, known.verdict, "", known.seconds, self._reached_by(known)
                 )
-        self._run_without_defect(new, 0.5)
+        self._run_without_defect(new, share)
         seeding.baseline_seconds += time.perf_counter() - started
         return not seeding.red
 

@@ -1,11 +1,13 @@
 """Defect seeding: patches that are made and undone, cases in order, fates of defects, the command."""
 
+import inspect
 import json
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import pytest
 
+from fieldbus.clock import RealtimeScheduler
 from fieldbus.errors import ConfigurationError
 from hil.cli import main
 from hil.mutants import Edit, Judge, Mutant, TargetChangedError, find_judges, in_order, seeded, watched
@@ -191,6 +193,25 @@ def test_what_cases_come_to_is_kept(capsys, green, tmp_path):
     (tmp_path / ".hil" / "coverage.jsonl").write_text("[]\n")
     code, _, err = call(capsys, *arguments)
     assert (code, "keeps no coverage of cases" in err) == (2, True)
+
+
+@pytest.mark.exhaustive
+def test_statements_that_no_case_comes_to(capsys, green):
+    """A module that no case uses is unreached as a whole, one that every bench uses in part; code of real
+    time counts in neither.
+    """
+    areas = ("--area", "emulators.repetition", "--area", "fieldbus.clock")
+    code, out, err = call(capsys, "--unreached", "--campaign", green, *areas, "--json")
+    assert code == 1, err
+    by_module = {entry["module"]: entry for entry in json.loads(out)}
+    unused, used = by_module["emulators.repetition"], by_module["fieldbus.clock"]
+    assert len(unused["unreached"]) == unused["statements"] > 10
+    assert 0 < len(used["unreached"]) < used["statements"]
+    source, first = inspect.getsourcelines(RealtimeScheduler)
+    assert not set(range(first, first + len(source))) & set(used["unreached"])
+    whole = f"emulators.repetition: {unused['statements']} of {unused['statements']}: lines "
+    assert whole in err
+    assert "reached by none of 3 cases" in err
 
 
 @pytest.mark.exhaustive

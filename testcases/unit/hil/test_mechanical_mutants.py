@@ -3,12 +3,14 @@
 import ast
 import random
 import textwrap
+from importlib import import_module
 
 import pytest
 
 from hil.errors import CannotRunError
 from hil.mutants import Judge, Mutant, MutantResult, Outcome, Seeding, draw, seeded, shares
 from hil.mutants._coverage import Covered, MarkNumbers
+from hil.mutants._mechanical import live_code
 from hil.mutants._operators import OPERATORS, replacements
 from hil.mutants._plan import most_different
 
@@ -108,6 +110,18 @@ def test_what_cannot_be_drawn_is_refused(number, areas, words):
     with pytest.raises(CannotRunError) as caught:
         draw(number, 1, areas)
     assert str(caught.value).startswith(words)
+
+
+def test_live_code_is_not_drawn():
+    """Every entry names a module or class of the product, with a reason; nothing is drawn there."""
+    for name, reason in live_code().items():
+        module, _, inside = name.partition(":")
+        assert name == module or hasattr(import_module(module), inside), name
+        assert reason, name
+    with pytest.raises(CannotRunError, match="there are only 0 statements"):
+        draw(1, 1, ["fieldbus.can.live"])
+    targets = [mutant.edits[0].target for mutant in draw(40, 1, ["fieldbus.clock"])]
+    assert all("RealtimeScheduler" not in target for target in targets)
 
 
 def test_a_limited_number_of_cases_comes_to_as_much_as_it_can():
