@@ -84,6 +84,8 @@ class PageRun:
     """The blocks of one page, run one after the other."""
 
     folder: Path
+    prepared: Path | None = None
+    """Folder with the commands of `testcases.prepared`, where they take the place of the installed ones."""
     namespace: dict[str, object] = field(default_factory=lambda: {"__name__": "page"})
     output: str = ""
 
@@ -116,7 +118,12 @@ class PageRun:
         environment = {
             name: value for name, value in os.environ.items() if not name.startswith(("PYTEST_", "GITHUB_"))
         }
-        environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+        programs = [str(Path(sys.executable).parent), os.environ["PATH"]]
+        if (
+            self.prepared is not None and "&" not in block.text
+        ):  # what goes on in the background hears signals
+            programs.insert(0, str(self.prepared))
+        environment["PATH"] = os.pathsep.join(programs)
         environment.update(COLUMNS="120", NO_COLOR="1", PYTEST_ADDOPTS=" ".join(self._left_out(block)))
         done = subprocess.run(
             ["bash", "-e", "-c", block.text],
@@ -135,8 +142,9 @@ class PageRun:
     @staticmethod
     def _left_out(block: Block) -> Iterator[str]:
         """Yield the options that leave out plugins which a reader does not have, or the page does not use."""
-        for plugin in ("benchmark", "pytest_cov", "rerunfailures"):
+        for plugin in ("anyio", "benchmark", "pytest_cov", "rerunfailures"):
             yield f"-p no:{plugin}"
+        yield "-W ignore::pytest.PytestAssertRewriteWarning"  # prepared: the plugin is imported already
         if "hypothesis" not in (ROOT / block.page).read_text(encoding="utf-8"):
             yield "-p no:hypothesispytest"
 

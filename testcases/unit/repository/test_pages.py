@@ -3,6 +3,7 @@
 import pytest
 
 from testcases.pages import ROOT, PageRun, blocks
+from testcases.prepared import PreparedCommands
 
 pytestmark = pytest.mark.exhaustive
 
@@ -19,10 +20,18 @@ PAGES = [
 ]
 
 
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory):
+    """The folder of commands that start quickly. README is run with the installed ones."""
+    commands = PreparedCommands(tmp_path_factory.mktemp("commands"))
+    yield commands.folder
+    commands.close()
+
+
 @pytest.mark.parametrize("page", PAGES)
-def test_page_works_in_an_empty_folder(page, tmp_path, subtests):
+def test_page_works_in_an_empty_folder(page, prepared, tmp_path, subtests):
     """The blocks of a page, in their order, in an empty folder, do what the page says."""
-    run = PageRun(tmp_path)
+    run = PageRun(tmp_path, None if page == "README.md" else prepared)
     for block in blocks(page):
         with subtests.test(block.place):
             run.run(block)
