@@ -147,6 +147,15 @@ def _location(section: EdsSection) -> str | None:
     return section.text("StorageLocation") or None
 
 
+def _name(section: EdsSection) -> str:
+    """Return the name of an object or entry; one without is called as its section."""
+    name = section.text("ParameterName")
+    if name:
+        return name
+    section.note("ParameterName", f"it has no name and is called {section.name!r}")
+    return section.name
+
+
 def _object_type(section: EdsSection) -> int:
     """Return the type of an object as a number, which some tools write as a word."""
     named = _by_name(section, "ObjectType", _TYPE_NAMES)
@@ -228,7 +237,6 @@ class _Reader:
     # ----------------------------------------------------------------------------------------------
 
     def _read_object(self, section: EdsSection, index: int) -> None:
-        name = section.required("ParameterName")
         kind = _object_type(section)
         thing: Any
         if kind in (_NULL, *_DEFINITIONS):
@@ -236,9 +244,9 @@ class _Reader:
         if kind in (_VAR, _DOMAIN):
             thing = self._variable(section, index, 0, domain=kind == _DOMAIN)
         elif kind == _ARRAY:
-            thing = self._library.ODArray(name, index)
+            thing = self._library.ODArray(_name(section), index)
         elif kind == _RECORD:
-            thing = self._library.ODRecord(name, index)
+            thing = self._library.ODRecord(_name(section), index)
         else:
             section.refuse("ObjectType", section.text("ObjectType"), "2, 5, 6, 7, 8 or 9")
         if kind in (_ARRAY, _RECORD):
@@ -284,7 +292,7 @@ class _Reader:
             thing.add_member(self._variable(section, index, sub))
 
     def _variable(self, section: EdsSection, index: int, sub: int, *, domain: bool = False) -> Any:
-        variable = self._library.ODVariable(section.required("ParameterName"), index, sub)
+        variable = self._library.ODVariable(_name(section), index, sub)
         variable.storage_location = _location(section)
         # DataType and AccessType of a domain may be left out.
         if not (domain and not section.text("DataType")):

@@ -29,6 +29,8 @@ _COMMENT: Final = re.compile(r"\s;.*$")
 _HEADER: Final = re.compile(r"\[\s*([^\]]+?)\s*\]\s*([;#].*)?$")
 _REMARK: Final = re.compile(r"\s#.*$")
 """Behind a number: `0x09 # Record`."""
+_WRAPPED: Final = re.compile(r"""(["']?)([^."']+)(\.0*)?\1""")
+"""A whole number in quotes or with a decimal point: `"0x10"`, `1000.0`."""
 _DAYS_AND_MS: Final = re.compile(r"(\d+)\s+(\d+)")
 _TIME_MS_BITS: Final = 28
 _SUFFIX: Final = re.compile(r"(?<=[\d.])[fF]$")
@@ -87,7 +89,7 @@ class EdsSection:
         if not text:
             return default
         try:
-            value = integer(self._without_remark(key, text))
+            value = integer(self._plain(key, text))
         except ValueError:
             self.refuse(key, text, "a whole number, decimal or with 0x")
         if not low <= value <= high:
@@ -137,11 +139,16 @@ class EdsSection:
             self.note(key, f"{text} is beyond the data type and limits nothing")
             return None
 
-    def _without_remark(self, key: str, text: str) -> str:
+    def _plain(self, key: str, text: str) -> str:
+        """Return a whole number as written, without what tools and people put around it."""
         number, found = _REMARK.subn("", text)
         if found:
             self.note(key, f"{text!r} has a remark; {number!r} counts")
-        return number
+        wrapped = _WRAPPED.fullmatch(number)
+        if wrapped is None or wrapped[2] == number:
+            return number
+        self.note(key, f"{number!r} is no whole number as it should be written; {wrapped[2]} counts")
+        return wrapped[2]
 
     def _real(self, key: str, text: str, data_type: int) -> float:
         bits, coder = REALS[data_type]
@@ -155,7 +162,7 @@ class EdsSection:
     def _whole(self, key: str, text: str, data_type: int, node_id: int | None) -> int | None:
         bits = INTEGERS[data_type][0] if data_type in INTEGERS else 8 * OPAQUE_SIZES[data_type]
         signed = data_type in INTEGERS and INTEGERS[data_type][1]
-        text = self._without_remark(key, text)
+        text = self._plain(key, text)
         moment = _DAYS_AND_MS.fullmatch(text) if data_type in OPAQUE_SIZES else None
         if moment is not None:  # days, and ms of the day in the lower 32 bits (C301-013)
             days, ms = int(moment[1]), int(moment[2])
@@ -219,7 +226,7 @@ class EdsFile:
     def _split(self, text: str) -> None:
         section: EdsSection | None = None
         for line, raw in enumerate(text.splitlines(), 1):
-            content = raw.strip("\ufeff\0 \t")
+            content = raw.strip("\ufeff\0\x1a \t")  # of old systems a file ends with 1Ah
             if not content or content[0] in ";#":
                 continue
             if content.startswith("["):

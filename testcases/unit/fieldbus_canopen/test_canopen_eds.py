@@ -263,7 +263,6 @@ def test_device_information(load, tmp_path):
         (variable(DataType="0"), r"\[2000\] DataType"),
         (variable(AccessType="readwrite"), r"\[2000\] AccessType: 'readwrite'.*ro, wo, rw"),
         (variable(AccessType=None), r"\[2000\] AccessType"),
-        (variable(ParameterName=None), r"\[2000\] ParameterName"),
         (variable(ObjectType="4"), r"\[2000\] ObjectType: '4'"),
         (variable(PDOMapping="yes"), r"\[2000\] PDOMapping: 'yes'"),
         (variable("2000sub1"), r"\[2000sub1\].*no \[2000\]"),
@@ -340,6 +339,30 @@ NOTED = {
         ["[2000] DefaultValue: '0x12 # a number' has a remark; '0x12' counts"],
         lambda od: od[0x2000].default,
         0x12,
+    ),
+    "whole numbers as spreadsheets and tools write them": (
+        variable(DefaultValue="12.0")
+        + variable("2001", DefaultValue='"0x10"')
+        + variable("2002", HighLimit="7."),
+        [
+            "[2000] DefaultValue: '12.0' is no whole number as it should be written; 12 counts",
+            "[2001] DefaultValue: '\"0x10\"' is no whole number as it should be written; 0x10 counts",
+            "[2002] HighLimit: '7.' is no whole number",
+        ],
+        lambda od: (od[0x2000].default, od[0x2001].default, od[0x2002].max),
+        (12, 16, 7),
+    ),
+    "an object without a name": (
+        variable(ParameterName=None),
+        ["[2000] ParameterName: it has no name and is called '2000'"],
+        lambda od: od[0x2000].name,
+        "2000",
+    ),
+    "the end of a file of an old system": (
+        variable(DefaultValue="3") + "\x1a",
+        [],
+        lambda od: od[0x2000].default,
+        3,
     ),
     "types by name": (
         variable(ObjectType="VAR", DataType="INTEGER16", DefaultValue="-3"),
