@@ -23,7 +23,11 @@ from testcases.campaigns import (
     bus_log,
     camming,
     cams,
+    can_adapter,
+    can_bus,
+    canopen_device,
     canopen_services,
+    cia402_details,
     cia402_drive,
     cia402_modes,
     commissioning,
@@ -41,6 +45,7 @@ from testcases.campaigns import (
     limits,
     modbus_faults,
     modbus_services,
+    modbus_stations,
     modulo_axis,
     monitoring,
     motion_in,
@@ -48,6 +53,7 @@ from testcases.campaigns import (
     nc_drives,
     nc_machines,
     node_guarding,
+    profidrive_parameters,
     profidrive_positioner,
     profidrive_speed,
     profidrive_words,
@@ -76,6 +82,7 @@ ON_PROFIDRIVE = (drive_faults.CAMPAIGN, telegram_faults.CAMPAIGN)
 SAMPLED_ON_PROFIDRIVE = (*LARGE, monitoring.CAMPAIGN)
 """What the controller does, whatever its drive; causes inside of a drive are in the campaigns above."""
 SERVICES = "testcases.campaigns.modbus_services"
+CAN_BUS = "testcases.campaigns.can_bus:BENCH"
 SPEED = "testcases.campaigns.profidrive_speed:BENCH"
 POSITIONER = "testcases.campaigns.profidrive_positioner:BENCH"
 WITH_ENCODERS = "testcases.campaigns.external_encoder:{}"
@@ -153,6 +160,12 @@ def few(bench, campaigns):
         yield from list(cases(bench, "cia402", [campaign], sampled=True))[:: None if WHOLE else 4]
 
 
+def some(bench, profile, campaigns):
+    """Yield every eighth case of campaigns whose cases each have many checks."""
+    for campaign in campaigns:
+        yield from list(cases(bench, profile, [campaign]))[:: None if WHOLE else 8]
+
+
 @cache
 def bench_file(name):
     return load_bench_file(name)
@@ -190,6 +203,10 @@ def bench_file(name):
         *cases("testcases.campaigns.nc_axes:BENCH", "cia402", [nc_axes.CAMPAIGN], sampled=True),
         *cases(WITH_ENCODERS.format("REFERENCE"), "cia402", [external_encoder.CAMPAIGN], sampled=True),
         *cases(WITH_ENCODERS.format("PROFIDRIVE"), "profidrive", [external_encoder.CAMPAIGN], sampled=True),
+        *some(CAN_BUS, "cia402", [can_bus.CAMPAIGN, canopen_device.CAMPAIGN, can_adapter.CAMPAIGN]),
+        *some(CAN_BUS, "cia402", [modbus_stations.CAMPAIGN]),
+        *some("testcases.campaigns.cia402_details:BENCH", "cia402", [cia402_details.CAMPAIGN]),
+        *some(f"{SERVICES}:TCP", "profidrive", [profidrive_parameters.CAMPAIGN]),
         *few("testcases.campaigns.nc_machines:BENCH", [nc_machines.CAMPAIGN]),
         *few("testcases.campaigns.cams:BENCH", [cams.CAMPAIGN]),
         *few("testcases.campaigns._led_servo:BENCH", [bus_log.CAMPAIGN]),
