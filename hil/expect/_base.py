@@ -401,7 +401,9 @@ class Expectation(ABC):
         two times, and the words for it.
         """
         for component in self.components_named():
-            for silent_s, heard_s, reason in trace.silences(component, values=self.needs_values()):
+            for silent_s, heard_s, reason in trace.silences(
+                component, values=self.needs_values(), states=not self.signals_named()
+            ):
                 over = silent_s <= begin_s + SLACK_S and heard_s >= trace.end_s - SLACK_S
                 if over or (silent_s < end_s - SLACK_S and heard_s > begin_s + SLACK_S):
                     return max(

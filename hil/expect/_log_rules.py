@@ -88,7 +88,7 @@ def check_log_signs_of_life(trace: Trace) -> list[Check]:
             signal = trace[f"{drive}.{word}"]
             if not period_s or not any(_signs(values).any() for _, values in signal.parts()):
                 continue
-            problems, changes = _jumps(signal, period_s, trace.silences(drive))
+            problems, changes = _jumps(signal, period_s, trace.silences(drive, states=False))
             checks.append(
                 _check(
                     f"sign of life of {drive}{whose}",

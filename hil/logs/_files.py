@@ -32,6 +32,8 @@ _LINE: Final = re.compile(
 _REMOTE: Final = re.compile(r"R([0-8]?)")
 _DATA: Final = re.compile(r"((?:[0-9A-Fa-f]{2}){0,8})(?:_([9A-Fa-f]))?")
 _FD_DATA: Final = re.compile(r"#([0-9A-Fa-f])((?:[0-9A-Fa-f]{2}){0,64})")
+_ON_SCREEN: Final = re.compile(r"\s*(\([^)]*\))?\s*\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]")
+"""Time or none, channel, identifier, number of bytes in brackets."""
 _ERROR_FLAG: Final = 0x20000000
 _EXTENDED_DIGITS: Final = 8
 _TENS: Final = tuple(10 ** (9 - digits) for digits in range(10))
@@ -154,6 +156,8 @@ def _read_candump(log: BusLog) -> Stamped:
 
 def _refuse_line(log: BusLog, stream: Iterator[str], line: str, number: int) -> NoReturn:
     cut = " (the file is cut off there)" if _is_last(stream) else ""
+    if _ON_SCREEN.match(line):
+        cut = "; that is how candump shows frames on the screen: record with candump -L, or -l into a file"
     raise CannotRunError(
         f"{log.path}, line {number}: {line[:60].rstrip()!r} is no line of a candump log such as "
         f"'(1735689600.000000) can0 181#3702000000000000'{cut}"

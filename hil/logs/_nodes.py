@@ -15,6 +15,7 @@ from fieldbus.clock import S
 from hil.logs._facts import NodeFacts
 from hil.logs._pdo import Motion, Pdo
 from hil.logs._table import Table
+from hil.record._trace import STATES
 
 if TYPE_CHECKING:
     from fieldbus.history import Scalar
@@ -64,6 +65,8 @@ class LogNode:
         self._pdos: dict[int, Pdo] = {}
         self._showed_profile = False
         """Whether a drive has sent its state or values."""
+        self._showed_state = False
+        """Whether a drive has sent its status word."""
         self._led: bool | None = None
         """Whether process data come; None before the first."""
         self._state = ""
@@ -102,13 +105,19 @@ class LogNode:
             self.unknown(
                 self._begun_ns, None, "it sends no process data that the bench file maps", values=True
             )
+        elif self._showed_profile and not self._showed_state:
+            reason = "its status word is not in the log"
+            self.unknown(self._begun_ns, None, reason, values=True, about=STATES)
 
-    def unknown(self, from_ns: int, to_ns: int | None, reason: str, *, values: bool = False) -> None:
+    def unknown(
+        self, from_ns: int, to_ns: int | None, reason: str, *, values: bool = False, about: str = ""
+    ) -> None:
         """Tell that nothing is known of the node and its axis for a time; with `values` but for what is no
         process data.
         """
+        further = {"about": about} if about else {}
         for name in self._names():
-            self._emit(from_ns, name, "log.silent", reason=reason, values=values)
+            self._emit(from_ns, name, "log.silent", reason=reason, values=values, **further)
             if to_ns is not None:
                 self._emit(to_ns, name, "log.heard", values=values)
 
@@ -313,6 +322,7 @@ class Cia402Node(LogNode):
 
     def _take_state(self, time_ns: int, statusword: int) -> None:
         state = decode_state(statusword)
+        self._showed_state = True
         self.table.set("state", int(state))
         if state.text == self._state:
             return
@@ -397,6 +407,7 @@ class ProfidriveNode(LogNode):
         for name, value in signals.items():
             column = name.lower()
             self.table.set(f"drive_{column}" if column in ("zsw1", "zsw2") else column, value)
+        self._showed_state = True
         zsw1, zsw2 = signals.get("ZSW1", 0), signals.get("ZSW2")
         if self.axis is not None:
             self.axis.set("zsw1", zsw1)

@@ -32,6 +32,8 @@ _Timed = TypeVar("_Timed", bound=tuple[Any, ...])
 _TIME: Final = Struct("<q").pack
 _FRAME_HEAD: Final = Struct("<IBBB").pack
 _OTHER_HEAD: Final = Struct("<qIH").pack
+STATES: Final = "states"
+"""What a silence in a log is about where values came, but no status word."""
 _FORMAT: Final = 1
 """Of the files of a saved trace."""
 
@@ -272,11 +274,14 @@ class Trace:
         """
         return self.vocabulary is not None and bool(self.vocabulary.kinds)
 
-    def silences(self, component: str, *, values: bool = True) -> list[tuple[float, float, str]]:
+    def silences(
+        self, component: str, *, values: bool = True, states: bool = True
+    ) -> list[tuple[float, float, str]]:
         """Return when a component (empty: any) was silent in a log: begin and end (s), component and reason;
         never on a bench.
 
-        With `values` also when it sent no process data, but other frames.
+        With `values` also when it sent no process data, but other frames; with `states` also when it sent
+        values, but no status word.
         """
         if not self.from_log:
             return []
@@ -286,6 +291,8 @@ class Trace:
             # What is about one kind of frame ends by itself, whatever else is heard of the node.
             key = (entry.source, entry.data["values"], entry.data.get("about", ""))
             if entry.data["values"] and not values:
+                continue
+            if entry.data.get("about") == STATES and not states:
                 continue
             if entry.kind == "log.silent":
                 begun.setdefault(key, entry)

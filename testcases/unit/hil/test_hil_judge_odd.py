@@ -365,3 +365,25 @@ def test_what_the_writers_of_python_can_make(frames, tmp_path, writer):
     trip = TRIP.find(log.events)
     assert trip is not None
     assert math.isclose(trip.time_ns * 1e-9, 0.542, abs_tol=0.005)
+
+
+def test_without_a_status_word_no_state_is_known(lines, tmp_path):
+    """A log that lacks the status word, but not the values: what is expected of states and faults is blocked,
+    what is expected of values is judged.
+    """
+    trace = decode(written(tmp_path, [line for line in lines if " 185#" not in line])).trace
+    for expectation, verdict in (
+        (never_happens(TRIP), Verdict.BLOCKED),
+        (happens(event("drive.state", "drive1")), Verdict.BLOCKED),
+        (never_happens(event("heartbeat.lost")), Verdict.PASSED),
+        (value_at("drive1.inputs", 1.0, 0.0, tolerance=0.5), Verdict.PASSED),
+    ):
+        check = expectation.evaluate(trace)[0]
+        assert check.verdict is verdict, check.sentence
+
+
+@pytest.mark.parametrize("line", ["  can0  185   [2]  37 02", " (1735689600.1)  vcan0  12345678   [0]"])
+def test_what_candump_shows_on_the_screen_is_no_log(tmp_path, line):
+    """The message says how candump writes a log."""
+    with pytest.raises(CannotRunError, match="record with candump -L"):
+        read_bus_log(written(tmp_path, [line]))
