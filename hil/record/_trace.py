@@ -229,7 +229,7 @@ class Trace:
                     if self.from_log:
                         # What had not come yet, or was of long ago, is no sample.
                         known = ~np.isnan(values)
-                        for silent_s, heard_s, _ in self.silences(component):
+                        for silent_s, heard_s, _ in self.silences(component, states=False):
                             known &= (time_s <= silent_s) | (time_s >= heard_s)
                         time_s, values = _chosen(time_s, known), _chosen(values, known)
                     signal = Signal(name, unit, time_s, values, enum)
