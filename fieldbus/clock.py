@@ -7,6 +7,11 @@ of real I/O through `Scheduler.post`.
 Events of the same instant fire by ascending priority, then in the order in which they were entered. A
 periodic event is entered once, by `Scheduler.every`, and keeps its place for good: two of them meet in the
 same order at every instant that they share, whatever their periods.
+
+What calculates its own state only, in steps of a fixed length, is entered by `Scheduler.every_step`. In
+virtual time several of its steps are then made in one call, just before the next event that could see the
+result. Nobody can tell the difference: an event that sees no such state says so itself (`Timer.apart`), and
+in front of all others the steps are up to date.
 """
 
 from __future__ import annotations
@@ -16,13 +21,17 @@ from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable
 from heapq import heapify, heappop, heappush, heapreplace
-from itertools import count
 from threading import Condition
-from typing import Final
+from typing import Final, Protocol
 
 from typing_extensions import override
 
 from fieldbus.errors import SchedulerError
+
+# Constants of a module are at hand in the compiled core; what is imported is looked up by name.
+_push: Final = heappush
+_pop: Final = heappop
+_replace: Final = heapreplace
 
 Callback = Callable[[], object]
 
@@ -42,7 +51,7 @@ def seconds_to_ns(seconds: float) -> int:
 class Timer:
     """Handle of an entered event; `cancel` withdraws it."""
 
-    __slots__ = ("callback", "cancelled", "due_ns", "period_ns", "priority")
+    __slots__ = ("apart", "callback", "cancelled", "due_ns", "period_ns", "priority")
 
     def __init__(self, due_ns: int, callback: Callback, priority: int, period_ns: int = 0) -> None:
         self.due_ns = due_ns
@@ -52,10 +61,33 @@ class Timer:
         self.period_ns = period_ns
         """Distance of firings, ns; 0 for a single event."""
         self.cancelled = False
+        self.apart = False
+        """Whether the callback neither sees nor changes what `Scheduler.every_step` calculates; where it may,
+        it calls `Scheduler.catch_up` before.
+        """
 
     def cancel(self) -> None:
         """Withdraw the event; harmless when it has already fired or was cancelled before."""
         self.cancelled = True
+
+
+class Stepper(Protocol):
+    """A calculation in steps of a fixed length."""
+
+    def step(self) -> object:
+        """Make one step."""
+
+    def calm(self) -> bool:
+        """Return whether the next `CALM_STEPS` steps can have no effect but on what they calculate, and
+        depend on nothing else, as long as nobody gives orders.
+        """
+
+    def advance(self, steps: int) -> object:
+        """Make up to `CALM_STEPS` steps while calm: the same as so many calls of `step`."""
+
+
+CALM_STEPS: Final = 16
+"""Steps that are made in one call at most."""
 
 
 class Scheduler:
@@ -71,7 +103,7 @@ class Scheduler:
     def __init__(self) -> None:
         self._now = 0
         self._heap: list[tuple[int, int, int, Timer]] = []
-        self._next_sequence = count(1).__next__
+        self._sequence = 0  # number of the last event that was entered
         self._running = False
 
     # An entry is (due, priority, sequence, timer); sequence numbers are unique, so timers are never compared.
@@ -93,7 +125,8 @@ class Scheduler:
                 raise SchedulerError(f"event at {time_ns} ns is before the present time {self._now} ns")
             time_ns = self._now
         timer = Timer(time_ns, callback, priority)
-        heappush(self._heap, (time_ns, priority, self._next_sequence(), timer))
+        self._sequence = sequence = self._sequence + 1
+        _push(self._heap, (time_ns, priority, sequence, timer))
         return timer
 
     def again(self, timer: Timer, time_ns: int) -> None:
@@ -106,7 +139,8 @@ class Scheduler:
 
         """
         timer.due_ns = time_ns
-        heappush(self._heap, (time_ns, timer.priority, self._next_sequence(), timer))
+        self._sequence = sequence = self._sequence + 1
+        _push(self._heap, (time_ns, timer.priority, sequence, timer))
 
     def after(self, delay_ns: int, callback: Callback, *, priority: int = 0) -> Timer:
         """Enter `callback` for `delay_ns` (>= 0) from now."""
@@ -130,8 +164,19 @@ class Scheduler:
             raise SchedulerError(f"phase {phase_ns} ns is outside 0..{period_ns - 1} ns")
         due = -(-(self._now - phase_ns) // period_ns) * period_ns + phase_ns
         timer = Timer(due, callback, priority, period_ns)
-        heappush(self._heap, (due, priority, self._next_sequence(), timer))
+        self._sequence = sequence = self._sequence + 1
+        _push(self._heap, (due, priority, sequence, timer))
         return timer
+
+    def every_step(self, period_ns: int, stepper: Stepper) -> Timer:
+        """Make a step of a calculation at every instant `k * period_ns`, as `every` with priority 0 would."""
+        return self.every(period_ns, stepper.step)
+
+    def catch_up(self) -> None:
+        """Make all steps that are due before the present event; for an event that is `Timer.apart`."""
+
+    def make_steps_events(self) -> None:
+        """Make each step of `every_step` an event of its own from now on: its timer can be changed."""
 
     def move(self, new_due_ns: Callable[[Timer], int | None]) -> None:
         """Ask for every entered event when it is due from now on, ns; None: as before."""
@@ -181,7 +226,7 @@ class Scheduler:
         """
         heap = self._heap
         while heap and heap[0][3].cancelled:
-            heappop(heap)
+            _pop(heap)
         return heap[0][0] if heap else None
 
     def _enter(self, timeout_ns: int) -> None:
@@ -196,43 +241,229 @@ def _never() -> bool:
     return False
 
 
+_NO_STEP: Final = 1 << 61
+"""A time that never comes, ns."""
+_LAST: Final = 1 << 30
+"""Priority behind all others."""
+_NO_EVENT: Final = (_NO_STEP, _LAST, 0, Timer(_NO_STEP, _never, _LAST))
+
+
 class VirtualScheduler(Scheduler):
     """Simulated time: jumps from event to event, as fast as the callbacks allow, and is fully repeatable."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._steps: list[tuple[int, int, _Steps]] = []
+        """Due, ns, sequence and calculation; a heap."""
+        self._step_due = _NO_STEP
+        """Time of the first step that has not been made, ns."""
+        self._calm_until = 0
+        """Time up to which no step has an effect outside, ns; 0: not known."""
+        # The event that is running without the steps before it.
+        self._apart_due = self._apart_priority = self._apart_sequence = 0
 
     def post(self, callback: Callback) -> None:
         """Enter `callback` at the present instant; virtual time has no other threads."""
         self.at(self._now, callback)
 
+    @property
+    @override
+    def next_due_ns(self) -> int | None:
+        event = super().next_due_ns
+        if not self._steps:
+            return event
+        return self._step_due if event is None else min(self._step_due, event)
+
+    @override
+    def every_step(self, period_ns: int, stepper: Stepper) -> Timer:
+        timer = self.every(period_ns, stepper.step)
+        # It keeps its place among the events, without being one.
+        entry = max(self._heap, key=_sequence_of)
+        self._heap.remove(entry)
+        heapify(self._heap)
+        _push(self._steps, (timer.due_ns, entry[2], _Steps(timer, stepper)))
+        self._note_next_step()
+        return timer
+
+    @override
+    def make_steps_events(self) -> None:
+        for due, sequence, steps in self._steps:
+            _push(self._heap, (due, 0, sequence, steps.timer))
+        self._steps.clear()
+        self._note_next_step()
+
+    @override
+    def move(self, new_due_ns: Callable[[Timer], int | None]) -> None:
+        self.make_steps_events()
+        super().move(new_due_ns)
+
+    @override
+    def catch_up(self) -> None:
+        if self._step_due <= self._apart_due:
+            self._advance(self._apart_due, self._apart_priority, self._apart_sequence)
+
     @override
     def run_until(self, predicate: Callable[[], object], timeout_ns: int) -> bool:
         self._enter(timeout_ns)
-        heap = self._heap
         end = self._now + timeout_ns
-        asked = predicate is not _never
         try:
-            if asked and predicate():
-                return True
-            while heap:
-                due, priority, sequence, timer = heap[0]
-                if due > end:
+            if predicate is not _never:
+                return self._run_asking(predicate, end)
+            self._run(end)
+        except BaseException:
+            self.catch_up()  # what is read now is as old as the error
+            raise
+        finally:
+            self._running = False
+        return False
+
+    def _run(self, end: int) -> None:
+        """Run all events up to `end`."""
+        heap = self._heap
+        while heap or self._steps:
+            due, priority, sequence, timer = heap[0] if heap else _NO_EVENT
+            if due > end:
+                if self._step_due > end:
                     break
-                self._now = due
+                self._make_steps(end, _LAST, 0)
+                continue
+            if due >= self._step_due:
+                if due < self._calm_until or self._calm(due):
+                    if timer.apart:
+                        self._apart_due = due
+                        self._apart_priority = priority
+                        self._apart_sequence = sequence
+                    else:
+                        self._advance(due, priority, sequence)
+                else:
+                    self._make_steps(due, priority, sequence)
+                    if heap[0][2] != sequence:
+                        continue  # a step has entered an event that comes first
+            self._now = due
+            if timer.cancelled:
+                _pop(heap)
+                continue
+            period = timer.period_ns
+            if period:
+                timer.due_ns = following = due + period
+                _replace(heap, (following, priority, sequence, timer))
+            else:
+                _pop(heap)
+            timer.callback()
+        self._now = end
+
+    def _run_asking(self, predicate: Callable[[], object], end: int) -> bool:
+        """Run events up to `end`, or until a predicate is true: it is asked after every instant, that of a
+        step too.
+        """
+        heap = self._heap
+        if predicate():
+            return True
+        while heap or self._steps:
+            due = self._step_due
+            if heap and heap[0][0] <= due:
+                due = heap[0][0]
+            if due > end:
+                break
+            if due == self._step_due:
+                self._step_singly(due)
+            self._now = due
+            if heap and heap[0][0] == due:
+                _, priority, sequence, timer = heap[0]
                 if timer.cancelled:
-                    heappop(heap)
+                    _pop(heap)
                 else:
                     period = timer.period_ns
                     if period:
                         timer.due_ns = following = due + period
-                        heapreplace(heap, (following, priority, sequence, timer))
+                        _replace(heap, (following, priority, sequence, timer))
                     else:
-                        heappop(heap)
+                        _pop(heap)
                     timer.callback()
-                if asked and not (heap and heap[0][0] == due) and predicate():
-                    return True
-            self._now = end
-        finally:
-            self._running = False
+            if not (heap and heap[0][0] == due) and self._step_due > due and predicate():
+                return True
+        self._now = end
         return False
+
+    # -- steps
+
+    def _calm(self, due: int) -> bool:
+        """Return whether the steps up to an instant have no effect but on what they calculate."""
+        if self._calm_until:
+            return due < self._calm_until
+        until = _NO_STEP
+        for first, _, steps in self._steps:
+            if not steps.calm():
+                return False
+            last = first + steps.calm_ns
+            if last < until:  # noqa: PLR1730 - min() is a call on the cyclic path
+                until = last
+        self._calm_until = until
+        return due < until
+
+    def _make_steps(self, due: int, priority: int, sequence: int) -> None:
+        """Make the steps before an event that is the next one, or those before what they have entered."""
+        while not self._calm(due):
+            until = self._calm_until
+            if not until:
+                self._step_singly(due)
+                return
+            self._advance(until - 1, _LAST, 0)
+        self._advance(due, priority, sequence)
+
+    def _advance(self, due: int, priority: int, sequence: int) -> None:
+        """Make all steps before an event, those of each calculation in one call."""
+        entries = self._steps
+        for place, (first, number, steps) in enumerate(entries):
+            # A step has priority 0.
+            last = due if priority > 0 or (priority == 0 and sequence > number) else due - 1
+            if first <= last:
+                period = steps.period_ns
+                count = (last - first) // period + 1
+                steps.timer.due_ns = following = first + count * period
+                entries[place] = (following, number, steps)
+                steps.advance(count)
+        if len(entries) > 1:
+            heapify(entries)
+        self._step_due = entries[0][0]
+        self._calm_until = 0
+
+    def _step_singly(self, end: int) -> None:
+        """Make steps up to `end`, each at its time, until an event comes first."""
+        heap = self._heap
+        entries = self._steps
+        while entries:
+            due, sequence, steps = entries[0]
+            if due > end or (heap and heap[0] < (due, 0, sequence)):
+                break
+            self._now = due
+            steps.timer.due_ns = following = due + steps.period_ns
+            _replace(entries, (following, sequence, steps))
+            self._step_due = entries[0][0]
+            steps.step()
+        self._note_next_step()
+
+    def _note_next_step(self) -> None:
+        self._step_due = self._steps[0][0] if self._steps else _NO_STEP
+        self._calm_until = 0
+
+
+class _Steps:
+    """A calculation in steps and its timer."""
+
+    __slots__ = ("advance", "calm", "calm_ns", "period_ns", "step", "timer")
+
+    def __init__(self, timer: Timer, stepper: Stepper) -> None:
+        self.timer = timer
+        self.period_ns = timer.period_ns
+        self.calm_ns = CALM_STEPS * timer.period_ns
+        self.step: Callback = stepper.step
+        self.calm: Callable[[], bool] = stepper.calm
+        self.advance: Callable[[int], object] = stepper.advance
+
+
+def _sequence_of(entry: tuple[int, int, int, Timer]) -> int:
+    return entry[2]
 
 
 class RealtimeScheduler(Scheduler):
@@ -326,12 +557,12 @@ class RealtimeScheduler(Scheduler):
         while heap and heap[0][0] == due:
             _, priority, sequence, timer = heap[0]
             if timer.cancelled:
-                heappop(heap)
+                _pop(heap)
                 continue
             if timer.period_ns:
                 timer.due_ns = due + timer.period_ns
-                heapreplace(heap, (timer.due_ns, priority, sequence, timer))
+                _replace(heap, (timer.due_ns, priority, sequence, timer))
             else:
-                heappop(heap)
+                _pop(heap)
             self.worst_lateness_ns = max(self.worst_lateness_ns, clock - due)
             timer.callback()

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 from typing_extensions import override
 
-from fieldbus.clock import Callback, Scheduler, Timer
+from fieldbus.clock import Callback, Scheduler, Stepper, Timer
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 
 if TYPE_CHECKING:
@@ -98,6 +98,7 @@ class NodeClock(Scheduler):
         """
         if not -LARGEST_DRIFT_PPM <= ppm <= LARGEST_DRIFT_PPM:
             raise ConfigurationError("drift", ppm, f"a number within {LARGEST_DRIFT_PPM:g} ppm either way")
+        self.bench.make_steps_events()
         now = self.bench.now
         self._prune()
         due = {number: self.local(timer.due_ns) for number, timer in self._timers.items()}
@@ -128,6 +129,7 @@ class NodeClock(Scheduler):
         """
         if longest_ns < 0:
             raise ConfigurationError("jitter", longest_ns, "0 ns or more")
+        self.bench.make_steps_events()
         self._jitter_ns = longest_ns
         if not longest_ns:
             for timer, callback in self._even.values():
@@ -174,6 +176,20 @@ class NodeClock(Scheduler):
         if self._ppb:
             timer.period_ns = round(period_ns * PPB / (PPB + self._ppb))
         return self._note(timer)
+
+    @override
+    def every_step(self, period_ns: int, stepper: Stepper) -> Timer:
+        if self._straight and not self._jitter_ns:
+            return self._note(self.bench.every_step(period_ns, stepper))
+        return self.every(period_ns, stepper.step)
+
+    @override
+    def catch_up(self) -> None:
+        self.bench.catch_up()
+
+    @override
+    def make_steps_events(self) -> None:
+        self.bench.make_steps_events()
 
     @override
     def post(self, callback: Callback) -> None:

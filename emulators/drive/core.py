@@ -35,18 +35,21 @@ from emulators.drive.rounded_ramp import RoundedRamp, Rounding
 from emulators.drive.tuning import RPM, ServoTuning
 from emulators.encoder import RotaryEncoder
 from emulators.mechanics import AxisMechanics
+from fieldbus.clock import CALM_STEPS
 from fieldbus.errors import ConfigurationError
 
 __all__ = ["RPM", "ServoCore", "ServoTuning"]
 
 # What the demand comes from.
 _VELOCITY: Final = 0
-_RAMP: Final = 1
-_POSITION: Final = 2
-_PROFILE: Final = 3
-_TORQUE: Final = 4
-_SMOOTHED: Final = 5
-_SERVO: Final = 6
+_SERVO: Final = 1
+_SERVO_OR_VELOCITY: Final = 1
+"""Sources from here on are the others."""
+_RAMP: Final = 2
+_POSITION: Final = 3
+_PROFILE: Final = 4
+_TORQUE: Final = 5
+_SMOOTHED: Final = 6
 
 
 _HEADROOM: Final = 1.05
@@ -74,6 +77,7 @@ class ServoCore:
         "_coast_length",
         "_correction_gain",
         "_encoder",
+        "_factors",
         "_feedforward",
         "_inertia_per_step",
         "_integral",
@@ -162,6 +166,14 @@ class ServoCore:
         )
         self._model_share = period_s / tuning.velocity_time_constant_s
         self._inertia_per_step = inertia / period_s
+        # What several steps at once calculate with.
+        self._factors: tuple[float, float, float, float, float] = (
+            self._inverse_period,
+            self._proportional_gain,
+            self._integral_gain,
+            self._inertia_per_step,
+            self._model_share,
+        )
         self._correction_gain = tuning.position_gain
         self._reference_share = period_s / (tuning.velocity_time_constant_s + period_s)
         self._velocity_source = _VELOCITY if tuning.torque_precontrol else _SMOOTHED
@@ -311,8 +323,10 @@ class ServoCore:
 
     def set_torque_limits(self, positive_Nm: float, negative_Nm: float) -> None:
         """Limit the torque to -negative..positive, Nm, both >= 0."""
-        self._limit_high = positive_Nm
-        self._limit_low = -negative_Nm
+        if positive_Nm != self._limit_high or -negative_Nm != self._limit_low:
+            self._limit_high = positive_Nm
+            self._limit_low = -negative_Nm
+            self._mechanics.calm_low = self._mechanics.calm_high = 0.0  # more torque reaches further
 
     def set_speed_limit(self, speed: float) -> None:
         """Limit the speed in torque control and while the position controller catches up, rad/s."""
@@ -596,6 +610,113 @@ class ServoCore:
             self.torque = torque
         if self.brake.busy:
             self.brake.step(self._period)
+
+    def calm(self) -> bool:
+        """Return whether the next `CALM_STEPS` steps certainly have no effect but on axis and control: no
+        stop ends in them, no switch, end stop or zero mark is met, the brake does not move.
+        """
+        if self._stop_pending or self.brake.busy or not self._encoder.plain:
+            return False
+        mechanics = self._mechanics
+        if (
+            mechanics.calm_low < mechanics.position < mechanics.calm_high
+            and -mechanics.calm_speed <= mechanics.velocity <= mechanics.calm_speed
+        ):
+            return True
+        torque = (
+            max(abs(self.torque), self._limit_high, -self._limit_low) if self.enabled else abs(self.torque)
+        )
+        return mechanics.find_calm(CALM_STEPS, self._period, torque)
+
+    def advance(self, steps: int) -> None:
+        """Make so many steps at once, while `calm`."""
+        source = self._source
+        if source > _SERVO_OR_VELOCITY or not self.enabled or self._offset_left or self._lag:
+            for _ in range(steps):
+                self.step()
+            return
+        # As `step`, with all values at hand.
+        mechanics, encoder = self._mechanics, self._encoder
+        force_per_torque, load_force, breakaway, decay, gain, friction, half_period, per_unit = (
+            mechanics.factors
+        )
+        position, speed, shaft = mechanics.position, mechanics.velocity, mechanics.motor_angle
+        direction, offset = encoder.direction, encoder.offset
+        inverse_period, proportional, integrating, inertia, share = self._factors
+        low, high, torque_offset = self._limit_low, self._limit_high, self.torque_offset
+        angle, torque, velocity = self.position, self.torque, self.velocity
+        new, middle, left = self._feedforward, self._middle, self._left
+        velocity_step, target = self._velocity_step, self._velocity_target
+        integral, predicted, model = self._integral, self._predicted, self._model
+        limited, demanded, correction = False, 0.0, 0.0
+        servo = source == _SERVO
+        for _ in range(steps):
+            force = torque * force_per_torque + load_force
+            if speed != 0.0 or not -breakaway <= force <= breakaway:
+                moved = speed * decay + force * gain
+                if moved > friction:
+                    moved -= friction
+                elif moved < -friction:
+                    moved += friction
+                else:
+                    moved = 0.0
+                position += (speed + moved) * half_period
+                speed = moved
+                shaft = position * per_unit
+            measured = shaft * direction + offset
+            velocity = (measured - angle) * inverse_period
+            angle = measured
+            old = new
+            wanted = middle
+            if servo:
+                correction = self._servo_gain * (self._next_position - angle)
+                wanted += correction
+                self.position_demand = self._next_position
+            if left:
+                left -= 1
+                new = old + velocity_step if left else target
+                if servo:
+                    self._next_position = (
+                        self._next_position + self._reference_step if left else self._position_target
+                    )
+            demanded = new
+            if servo:
+                limit = self._catching_up_limit
+                self.speed_limited = not -limit <= wanted <= limit
+                if self.speed_limited:
+                    demanded = wanted = math.copysign(limit, wanted)
+                else:
+                    demanded += correction
+            middle = 0.5 * (old + new)
+            change = new - old
+            torque = proportional * (wanted - velocity) + integral + inertia * change + torque_offset
+            if low <= torque <= high:
+                limited = False
+                integral += integrating * (predicted - velocity)
+                change += share * (wanted - predicted)
+                predicted = model + 0.5 * change
+                model += change
+            else:
+                torque = high if torque > 0.0 else low
+                limited = True
+                change = torque / inertia
+                predicted = velocity + change
+                model = velocity + 1.5 * change
+        mechanics.take_motion(position, speed, shaft)
+        encoder.note_sample(shaft)
+        self.position = angle
+        self.velocity = velocity
+        self._feedforward = new
+        self._middle = middle
+        self._left = left
+        self._integral = integral
+        self._predicted = predicted
+        self._model = model
+        self.torque = self.torque_demand = torque
+        self.torque_limited = limited
+        self.velocity_demand = demanded
+        if not servo:
+            self.position_demand = angle
 
     # -- inside ----------------------------------------------------------------------------------------
 

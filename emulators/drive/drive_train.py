@@ -107,7 +107,7 @@ def build_drive_train(
         tuning=tuning,
         brake=brake.build(plant),
     )
-    scheduler.every(servo_period_ns, core.step)
+    scheduler.every_step(servo_period_ns, core)
     return DriveTrain(
         core=core,
         mechanics=plant,

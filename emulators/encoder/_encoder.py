@@ -55,12 +55,14 @@ class RotaryEncoder:
         self._counts = int(counts_per_revolution)
         self._inc_per_rad = self._counts / _TAU
         self._rad_per_inc = _TAU / self._counts
-        self._sign = -1.0 if reversed_direction else 1.0
+        self.direction = -1.0 if reversed_direction else 1.0
+        """-1.0: the value falls while the shaft turns in positive direction."""
         self._zero_mark = int(zero_mark_counts)
         self._interpolated = interpolated
         self._rng = rng
         self._offset_increments = 0
-        self._offset = 0.0
+        self.offset = 0.0
+        """Measured angle where the shaft is at zero, rad."""
         self._raw = 0.0
         self._noise = 0
         self._noise_now = 0
@@ -72,7 +74,8 @@ class RotaryEncoder:
         self._loss_every = 0
         self._loss_start = 0
         self._lost = 0
-        self._plain = interpolated
+        self.plain = interpolated
+        """Whether a sample is nothing but the angle of the shaft times `direction` plus `offset`."""
         self._listeners: tuple[ZeroMarkListener, ...] = ()
         self.zero_mark_present = True
         """False: the zero mark never comes (a dirty disc, a broken wire)."""
@@ -99,20 +102,24 @@ class RotaryEncoder:
         """Angle that `sample` returned last, rad."""
         if not self._interpolated:
             return self.increments * self._rad_per_inc
-        return self._raw + self._offset + self._noise_now * self._rad_per_inc
+        return self._raw + self.offset + self._noise_now * self._rad_per_inc
 
     def sample(self, shaft_angle: float) -> float:
         """Take over the angle of the shaft (rad) and return the measured
         angle, rad, continuous over turns.
         """
-        if self._plain:
-            self._raw = raw = shaft_angle * self._sign
-            return raw + self._offset
+        if self.plain:
+            self._raw = raw = shaft_angle * self.direction
+            return raw + self.offset
         return self._sample_special(shaft_angle)
+
+    def note_sample(self, shaft_angle: float) -> None:
+        """Let this angle (rad) be that of the last sample, of an encoder that is `plain`."""
+        self._raw = shaft_angle * self.direction
 
     def power_on(self, shaft_angle: float) -> None:
         """Start up at the shaft angle (rad): what survives a power cycle depends on the kind of encoder."""
-        self._raw = self._true = shaft_angle * self._sign
+        self._raw = self._true = shaft_angle * self.direction
         self._anchor = (self._raw, self._raw)
         self._armed = False
         self.latched_increments = None
@@ -147,7 +154,7 @@ class RotaryEncoder:
         """Return what a latch holds that is triggered while the shaft stands
         at an angle (rad), increments.
         """
-        raw = self._raw if self._frozen else self._scaled(shaft_angle * self._sign)
+        raw = self._raw if self._frozen else self._scaled(shaft_angle * self.direction)
         return math.floor(raw * self._inc_per_rad + 0.5) + self._offset_increments + self._noise_now
 
     # -- faults ----------------------------------------------------------------------------------------------
@@ -217,11 +224,11 @@ class RotaryEncoder:
     def reverse(self, reversed_direction: bool) -> None:
         """Set the counting direction; the present position stays."""
         sign = -1.0 if reversed_direction else 1.0
-        if sign != self._sign:
+        if sign != self.direction:
             factor = self._factor
             self.scale(1.0)
             before = self.increments
-            self._sign = sign
+            self.direction = sign
             self._raw = -self._raw
             self._set_offset(self._offset_increments + before - self.increments)
             self.scale(factor)
@@ -250,10 +257,10 @@ class RotaryEncoder:
 
     def _set_offset(self, increments: int) -> None:
         self._offset_increments = increments
-        self._offset = increments * self._rad_per_inc
+        self.offset = increments * self._rad_per_inc
 
     def _settle(self) -> None:
-        self._plain = self._interpolated and not (
+        self.plain = self._interpolated and not (
             self._frozen
             or self._armed
             or self._noise
@@ -265,7 +272,7 @@ class RotaryEncoder:
     def _sample_special(self, shaft_angle: float) -> float:
         if not self._frozen:
             before = self._raw
-            self._true = true = shaft_angle * self._sign
+            self._true = true = shaft_angle * self.direction
             self._raw = raw = self._scaled(true)
             if self._loss_every:
                 self._miss_steps()
@@ -293,7 +300,12 @@ class RotaryEncoder:
         mark = turn * self._counts + self._zero_mark
         latched = mark + self._offset_increments
         for listener in self._listeners:
-            listener(latched, before * self._sign, mark * self._rad_per_inc * self._sign, after * self._sign)
+            listener(
+                latched,
+                before * self.direction,
+                mark * self._rad_per_inc * self.direction,
+                after * self.direction,
+            )
         if self._armed:
             self.latched_increments = latched
             self._armed = False

@@ -28,6 +28,12 @@ from emulators.mechanics._checks import checked, checked_share
 from emulators.mechanics._switch import SwitchModel
 from fieldbus.errors import ConfigurationError
 
+MotionFactors = tuple[float, float, float, float, float, float, float, float]
+"""What a step calculates with while it touches neither a switch nor an end stop: force per torque, constant
+force, force up to which a standing load stands, decay of the speed in a step, speed per force, speed that
+friction takes in a step, half of the duration of a step, angle of the shaft per position.
+"""
+
 
 class AxisMechanics:
     """Inertia behind a transmission, in the coordinate of the load: in one piece, or in two with backlash
@@ -90,6 +96,10 @@ class AxisMechanics:
         "_viscous",
         "_wear",
         "_worn_play",
+        "calm_high",
+        "calm_low",
+        "calm_speed",
+        "factors",
         "in_contact",
         "motor_angle",
         "position",
@@ -159,6 +169,9 @@ class AxisMechanics:
         self._half_dt = self._decay = self._gain = self._friction_step = 0.0
         self._breakaway = self._load_force = 0.0
         self._low = self._high = 0.0
+        self.calm_low = self.calm_high = self.calm_speed = 0.0
+        """Range of the load, load unit, and its largest speed, for which `find_calm` was true."""
+        self.factors: MotionFactors = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._refresh_forces()
         self.set_stops(lower_stop, upper_stop)
 
@@ -345,6 +358,27 @@ class AxisMechanics:
         self._step_special(force, new, position)
         return self.motor_angle
 
+    def find_calm(self, steps: int, dt_s: float, torque_Nm: float) -> bool:
+        """Find the range in which so many steps certainly touch no switch and no end stop, whatever torque of
+        at most `torque_Nm` either way drives the motor; return whether the load is within it now.
+        """
+        if dt_s != self._dt:
+            return False
+        force = torque_Nm * abs(self._force_per_torque) + abs(self._load_force)
+        self.calm_speed = 1.5 * abs(self.velocity) + force * self._gain
+        # Friction only takes from the speed, so that this one cannot be reached.
+        reach = steps * dt_s * (self.calm_speed + steps * force * self._gain)
+        if not reach < math.inf:
+            return False
+        self.calm_low, self.calm_high = self._low + reach, self._high - reach
+        return self.calm_low < self.position < self.calm_high
+
+    def take_motion(self, position: float, velocity: float, motor_angle: float) -> None:
+        """Let the load be where steps within the calm range have brought it, calculated with `factors`."""
+        self.position = position
+        self.velocity = velocity
+        self.motor_angle = motor_angle
+
     def _step_special(self, force: float, free_velocity: float, free_position: float) -> None:
         """Finish a step that ends outside the quiet range: play, jam, end stop or switch edge."""
         if self._parted:
@@ -467,6 +501,17 @@ class AxisMechanics:
         self._friction_step = (self._coulomb + self._brake + extra) * self._gain
         special = self.in_contact or self._parted
         self._breakaway = -1.0 if special else self._static + self._brake + extra
+        self.calm_low = self.calm_high = 0.0
+        self.factors = (
+            self._force_per_torque,
+            self._load_force,
+            self._breakaway,
+            self._decay,
+            self._gain,
+            self._friction_step,
+            self._half_dt,
+            self._angle_per_unit,
+        )
 
     def _settle(self, *, moving: bool = False) -> None:
         """Evaluate switches and contact at the present position and find the new quiet range."""
@@ -483,6 +528,7 @@ class AxisMechanics:
             low, high = math.inf, -math.inf
         self._low = low
         self._high = high
+        self.calm_low = self.calm_high = 0.0
         if contact is not self.in_contact:
             self.in_contact = contact
             self._refresh_forces()

@@ -129,6 +129,7 @@ class ErrorHandling:
         if last is not None and now - last < _OVERRUN_EVENT_NS:
             return
         self._overrun_event_ns[port.name] = now
+        self._scheduler.catch_up()
         if self.history is not None:
             self.history.emit(self._name, "can.overrun", port=port.name, count=port.overruns)
         for listener in tuple(port.on_overrun):

@@ -32,6 +32,7 @@ class Confirmation:
     __slots__ = ("receive",)
 
     mailboxes: Final = None
+    apart: Final = ()
 
     def __init__(self, confirm: FrameReceiver) -> None:
         self.receive = confirm
@@ -91,9 +92,9 @@ class MediumPort:
 
     __slots__ = (
         "_delayed", "_last_due_ns", "_online", "_receive_delay_ns", "acknowledged", "acknowledges", "alone",
-        "auto_recovery", "can_send", "classic_only", "confirmation", "detached", "discarded", "handler",
-        "joining", "listen_only", "listening", "mailboxes", "name", "not_before_ns", "on_overrun", "on_state",
-        "one_shot", "overload_frames", "overruns", "queue", "rate", "rec", "receive", "receivers",
+        "apart", "auto_recovery", "can_send", "classic_only", "confirmation", "detached", "discarded",
+        "handler", "joining", "listen_only", "listening", "mailboxes", "name", "not_before_ns", "on_overrun",
+        "on_state", "one_shot", "overload_frames", "overruns", "queue", "rate", "rec", "receive", "receivers",
         "recovery_count", "recovery_from_ns", "recovery_timer", "routes", "section", "state",
         "takes_fd", "tec", "tx_buffers",
     )  # fmt: skip
@@ -154,6 +155,7 @@ class MediumPort:
         self.confirmation = None if confirm is None else Confirmation(confirm)
         self.receivers: tuple[MediumPort | Confirmation, ...] = ()
         self.mailboxes: Mapping[int, FrameReceiver] | None = None
+        self.apart: Container[int] = ()
         self.routes: dict[
             int, FrameReceiver
         ] = {}  # receiver of the frames of this port, by arbitration field
@@ -179,14 +181,20 @@ class MediumPort:
         """Queue several frames at once; see `send`."""
         self.section.submit(self, frames)
 
-    def accept(self, mailboxes: Mapping[int, FrameReceiver]) -> None:
+    def accept(self, mailboxes: Mapping[int, FrameReceiver], apart: Container[int] = ()) -> None:
         """Take good data frames with 11-bit identifiers by these tables only from now on (acceptance filter).
 
         Frames with other 11-bit identifiers are not delivered; frames with 29-bit identifiers, remote frames,
         and all frames while their reception is delayed go to the receiver of the port, which has to filter
         them itself. Call it again when the table has changed.
+
+        Args:
+            mailboxes: Receivers by identifier.
+            apart: Identifiers whose receivers keep what comes and do nothing else (`Timer.apart`).
+
         """
         self.mailboxes = None if self._delayed else mailboxes
+        self.apart = apart
         self.section.routes_changed()
 
     def detach(self) -> None:

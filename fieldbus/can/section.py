@@ -42,6 +42,8 @@ from fieldbus.clock import S, Scheduler, Timer
 from fieldbus.errors import BusError
 from fieldbus.history import History
 
+_push: Final = heappush  # constants are at hand in the compiled core
+_pop: Final = heappop
 _LONGEST_BITS: Final = 256  # more than the longest frame with the longest error frame
 _COMMITTED: Final = -1  # no other frame may take the place of the chosen one any more
 _ACK_TO_EOF_BITS: Final = 8  # ACK delimiter and EOF
@@ -175,7 +177,7 @@ class BusSection:
                 ):
                     # One more frame of a node whose first one has yet to start, and ranks higher: nothing
                     # changes.
-                    heappush(port.queue, (key, sequence, 0, frame, bits, NOT_ASKED))
+                    _push(port.queue, (key, sequence, 0, frame, bits, NOT_ASKED))
                     self._backlog += 1
                     continue
             if len(port.queue) < port.tx_buffers:
@@ -220,14 +222,15 @@ class BusSection:
         self._end_ns = end = start_ns + self._to_end_ns[entry[4]]
         timer = self._spare
         if timer is None:
-            self._timer = self._at(end, self._on_end)
+            self._timer = timer = self._at(end, self._on_end)
+            timer.apart = True
         else:
             self._spare = None
             self._timer = timer
             self._again(timer, end)
 
     def _offer(self, port: MediumPort, entry: Entry) -> None:
-        heappush(port.queue, entry)
+        _push(port.queue, entry)
         self._backlog += 1
         current = self._entry
         if current is None:
@@ -250,13 +253,13 @@ class BusSection:
     def _queue(self, port: MediumPort, entry: Entry) -> None:
         """Put `entry` back, unless the queue has been emptied since it was taken."""
         if entry[1] > port.discarded:
-            heappush(port.queue, entry)
+            _push(port.queue, entry)
             self._backlog += 1
 
     def take_first(self, port: MediumPort) -> Entry:
         """Remove the first frame of a queue, and return it."""
         self._backlog -= 1
-        return heappop(port.queue)
+        return _pop(port.queue)
 
     def take(self, port: MediumPort, entry: Entry) -> None:
         """Remove a frame from a queue."""
@@ -331,7 +334,7 @@ class BusSection:
         """Put the first frame of `port` on the wire."""
         self._backlog -= 1
         self._sender = port
-        self._begin_frame(heappop(port.queue), start_ns)
+        self._begin_frame(_pop(port.queue), start_ns)
         self._open_until_ns = open_until_ns
 
     def _needs_bits(self, contenders: Sequence[MediumPort]) -> bool:
@@ -405,7 +408,7 @@ class BusSection:
             for port in contenders:
                 if port.queue[0][5] is NOT_ASKED:
                     sequence = self._sequence
-                    passed = self._ask(port, heappop(port.queue), start_ns)
+                    passed = self._ask(port, _pop(port.queue), start_ns)
                     if passed and len(contenders) == 1 and sequence == self._sequence and port.queue:
                         return contenders  # nothing has changed
                     break
@@ -423,7 +426,7 @@ class BusSection:
             if not unasked:
                 return
             port = unasked[0]
-            self._ask(port, heappop(port.queue), self.scheduler.now)
+            self._ask(port, _pop(port.queue), self.scheduler.now)
 
     def _ask(self, port: MediumPort, entry: Entry, time_ns: int) -> bool:
         """Let the hooks decide about `entry`; returns whether it is in the queue as it was."""
@@ -476,6 +479,7 @@ class BusSection:
 
     def _end_of_frame(self) -> None:
         if self._degraded:
+            self.scheduler.catch_up()
             self._end_of_degraded_frame()
             return
         entry = self._entry
@@ -497,7 +501,7 @@ class BusSection:
         ):
             # No other node is waiting: as `_begin_frame`, without a call.
             self._backlog = backlog - 1
-            self._entry = entry = heappop(sender.queue)
+            self._entry = entry = _pop(sender.queue)
             self._start_ns = self._open_until_ns = free
             self._end_ns = following = free + self._to_end_ns[entry[4]]
             self._again(self._timer, following)
@@ -514,19 +518,36 @@ class BusSection:
         """Note who takes frames of `sender` with this arbitration field, and return what delivers them."""
         routes = sender.routes
         takers: list[tuple[MediumPort | Confirmation, FrameReceiver]] = []
+        apart = True
         for port in sender.receivers:
             boxes = port.mailboxes
             if boxes is None or frame.extended or frame.remote:
                 takers.append((port, port.receive))
+                apart = False
             elif frame.can_id in boxes:
                 takers.append((port, boxes[frame.can_id]))
+                apart = apart and frame.can_id in port.apart
+        catch_up = self.scheduler.catch_up
+        route: FrameReceiver
 
         def receive_all(frame: CanFrame, time_ns: int) -> None:
+            catch_up()
             for port, take in takers:
                 # A taker may change what the others listen to, or take them off the bus.
                 (take if sender.routes is routes else port.receive)(frame, time_ns)
 
-        route = receive_all if len(takers) > 1 else takers[0][1] if takers else ignore_frame
+        if not takers:
+            route = ignore_frame
+        elif len(takers) > 1:
+            route = receive_all
+        else:
+            first = takers[0][1]
+
+            def receive_one(frame: CanFrame, time_ns: int) -> None:
+                catch_up()
+                first(frame, time_ns)
+
+            route = first if apart else receive_one
         routes[key] = route
         return route
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 
 from fieldbus.can.frame import CanFrame
 
@@ -23,8 +23,10 @@ class Dispatcher:
 
     def __init__(self, to_local_time: Callable[[FrameHandler], FrameHandler] | None = None) -> None:
         self._to_local_time = to_local_time
-        self.on_change: Callable[[Mapping[int, FrameHandler]], None] | None = None
-        """Called with the table for data frames with 11-bit identifiers when it has changed."""
+        self.on_change: Callable[[Mapping[int, FrameHandler], Container[int]], None] | None = None
+        """Called with the table for data frames with 11-bit identifiers when it has changed, and with the
+        identifiers whose handler keeps what comes and does nothing else.
+        """
         self._data: dict[int, FrameHandler] = {}
         self._extended: dict[int, FrameHandler] = {}
         self._remote: dict[int, FrameHandler] = {}
@@ -41,14 +43,25 @@ class Dispatcher:
         if handler is not None:
             handler(frame, time_ns)
 
-    def replace(self, data: Iterable[Route], remote: Iterable[Route]) -> None:
+    def replace(
+        self, data: Iterable[Route], remote: Iterable[Route], apart: Iterable[FrameHandler] = ()
+    ) -> None:
         """Put new tables in effect; services that share an identifier all get
         the frame, in the given order.
+
+        Args:
+            data: Who takes data frames.
+            remote: Who takes remote frames.
+            apart: Those that keep what comes and do nothing else (`Timer.apart`).
+
         """
+        data = list(data)
         self._data, self._extended = self._tables(data)
         self._remote, self._remote_extended = self._tables(remote)
         if self.on_change is not None:
-            self.on_change(self._data)
+            keeping = tuple(apart)
+            seen = {can_id for can_id, _, handler in data if handler not in keeping}
+            self.on_change(self._data, {can_id for can_id, _, _ in data} - seen)
 
     def _tables(self, routes: Iterable[Route]) -> tuple[dict[int, FrameHandler], dict[int, FrameHandler]]:
         basic, extended = _tables(routes)

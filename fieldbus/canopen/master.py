@@ -89,12 +89,12 @@ class CanopenMaster:
         """Queue a remote frame: a guarding request or a PDO request."""
         self._port.send(CanFrame(cob_id, remote=True, dlc=dlc))
 
-    def subscribe(self, cob_id: int, callback: DataCallback) -> Remover:
+    def subscribe(self, cob_id: int, callback: DataCallback, *, apart: bool = False) -> Remover:
         """Call `callback(data, time_ns)` for data frames with an 11-bit identifier; return the remover.
 
-        `data` is what came on the wire, of any length: the callback must not trust it.
+        See `BusConnection.subscribe`.
         """
-        return self._connection.subscribe(cob_id, callback)
+        return self._connection.subscribe(cob_id, callback, apart=apart)
 
     # -- network management
     # -----------------------------------------------------------------------------------
@@ -246,6 +246,7 @@ class CanopenMaster:
         self._pacing.sync = self._sync = self.scheduler.every(
             period_ns, self._send_sync, phase_ns=phase_ns, priority=SYNC_PRIORITY
         )
+        self._sync.apart = True
 
     def stop_sync(self) -> None:
         """Stop sending SYNC."""

@@ -239,6 +239,7 @@ class ReceivePdo(Pdo):
         """Take a frame of types 0 to 240: effective with the next SYNC, unless it comes after the window."""
         data = frame.data
         if len(data) != self.size or self._deadline_ns or self._errors.lengths:
+            self._scheduler.catch_up()
             accepted = self._accepted(data, time_ns)
             if accepted is None:
                 return

@@ -215,7 +215,11 @@ def applier(layout: Layout, store: ObjectStore) -> Applier:
         return apply_plain
 
     def apply_hooked(data: bytes) -> None:
-        for (key, hook), value in zip(plan, unpack(data), strict=True):
+        place = 0
+        unpacked = unpack(data)
+        for key, hook in plan:
+            value = unpacked[place]
+            place += 1
             if hook is not None:
                 try:
                     hook(value)

@@ -512,13 +512,14 @@ class CanopenSlave:
             data += [(can_id, False, handler) for can_id, handler in self._sdo.handlers(self.node_id)]
             data.append((self.sync.can_id, self.sync.extended, self.sync.receive))
             data += [(*place, self.bus_watch.collision) for place in self._own_identifiers()]
-        data += [(pdo.can_id, pdo.extended, pdo.handler) for pdo in self.pdos.receivers()]
+        receivers = list(self.pdos.receivers())
+        data += [(pdo.can_id, pdo.extended, pdo.handler) for pdo in receivers]
         remote += [(pdo.can_id, pdo.extended, pdo.on_remote_frame) for pdo in self.pdos.requestable()]
         if state != NmtState.INITIALISING:
             data += [
                 (can_id, False, self.error_control.heartbeat) for can_id in self.error_control.watched_ids()
             ]
-        self._dispatcher.replace(data, remote)
+        self._dispatcher.replace(data, remote, [pdo.on_sync_frame for pdo in receivers])
 
     def _own_identifiers(self) -> list[tuple[int, bool]]:
         """Return what only this node may send with: nobody else's frames should have it (C301-125)."""

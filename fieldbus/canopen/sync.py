@@ -24,6 +24,7 @@ SHORTEST_PERIOD_US: Final = 100
 """A SYNC frame alone takes 47 us at 1 Mbit/s: shorter periods than this would fill the bus."""
 
 _PRODUCER_PRIORITY: Final = -10
+_OPERATIONAL: Final = NmtState.OPERATIONAL
 
 
 class SyncService:
@@ -136,7 +137,7 @@ class SyncService:
             self._length_wrong = False
             self._emcy_clear(EMCY_SYNC_LENGTH)
         self.time_ns = time_ns
-        if self._timeout_ns and self._monitor is None and self._state == NmtState.OPERATIONAL:
+        if self._timeout_ns and self._monitor is None and self._state is _OPERATIONAL:
             self._arm(time_ns + self._timeout_ns)
         pdos = self._pdos
         pdos.latch(time_ns)
@@ -151,7 +152,8 @@ class SyncService:
             self._emcy(EMCY_SYNC_LENGTH)
 
     def _arm(self, due_ns: int) -> None:
-        self._monitor = self._scheduler.at(max(due_ns, self._scheduler.now), self._overdue)
+        self._monitor = monitor = self._scheduler.at(max(due_ns, self._scheduler.now), self._overdue)
+        monitor.apart = True
 
     def _overdue(self) -> None:
         monitor = self._monitor
@@ -168,6 +170,7 @@ class SyncService:
                 self._scheduler.again(monitor, due)
             return
         # Monitoring continues with the next SYNC: one report for each gap.
+        self._scheduler.catch_up()
         self.lost += 1
         for callback in self.on_lost:
             callback()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Final
 
-from hil.mutants._mutant import Mutant, defect
+from hil.mutants._mutant import Edit, Mutant, defect
 
 _ENCODER: Final = "emulators.encoder._encoder"
 _AXIS: Final = "emulators.mechanics._axis:AxisMechanics"
@@ -118,14 +118,20 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
             "fault-reactions/overload",
         ),
     ),
-    _defect(
+    Mutant(
         "encoder-samples-before-step",
+        "machine",
         "The encoder shows the angle before the servo step, one period late",
-        f"{_CORE}.step",
-        "angle = self._sample(self._step_mechanics(self.torque, self._period))",
-        "angle = self._sample(self._mechanics.motor_angle)\n        self._step_mechanics(self.torque, "
-        "self._period)",
-        ids=("CTL-001",),
-        likely=("axis-signals/follows@reference",),
+        (
+            Edit(
+                f"{_CORE}.step",
+                "angle = self._sample(self._step_mechanics(self.torque, self._period))",
+                "angle = self._sample(self._mechanics.motor_angle)\n        "
+                "self._step_mechanics(self.torque, self._period)",
+            ),
+            Edit(f"{_CORE}.calm", "if self._stop_pending or", "if True or"),  # steps are made one by one
+        ),
+        ("CTL-001",),
+        ("axis-signals/follows@reference",),
     ),
 )

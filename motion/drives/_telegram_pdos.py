@@ -32,7 +32,7 @@ class TelegramPdos:
         self._all_seen = (1 << len(self._parts)) - 1
         self._seen = 0
         for number in range(len(self._parts)):
-            master.subscribe(0x180 + 0x100 * number + node_id, self._receiver(number))
+            master.subscribe(0x180 + 0x100 * number + node_id, self._receiver(number), apart=True)
 
     def __len__(self) -> int:
         """Return the number of PDOs."""

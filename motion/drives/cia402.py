@@ -87,6 +87,9 @@ _ACKNOWLEDGED: Final = (Parameter(0x6040, 0, 0x0080, 2), Parameter(0x6040, 0, 0,
 _POSITION_MODES: Final = (MODE_CSP, MODE_IP)
 _POSITION_TARGETS: Final = (TARGET_POSITION, INTERPOLATION_DATA)
 _ENABLE_INTERPOLATION: Final = 0x0010
+_ACKNOWLEDGE: Final = int(STW1.ACKNOWLEDGE)
+_ENABLED: Final = DriveState.OPERATION_ENABLED
+_STOPPING: Final = DriveState.QUICK_STOP_ACTIVE
 
 _ZSW1_OF_STATE: Final = {
     DriveState.NOT_READY_TO_SWITCH_ON: ZSW1.SWITCHING_ON_INHIBITED,
@@ -223,12 +226,14 @@ class Cia402Port(LinkedPort):
             self._mapped = mapped = MappedData(self._master, plan, self._config)
             self.brings_speed = mapped.brings_speed
             self._convert(mapped.increments_at)
-            self._subscriptions = [subscribe(use.cob_id, mapped.receiver(use)) for use in plan.transmit]
+            self._subscriptions = [
+                subscribe(use.cob_id, mapped.receiver(use), apart=True) for use in plan.transmit
+            ]
         else:
             self._subscriptions = [
-                subscribe(0x180 + node, self._on_tpdo1),
-                subscribe(0x280 + node, self._on_tpdo2),
-                subscribe(0x380 + node, self._on_tpdo3),
+                subscribe(0x180 + node, self._on_tpdo1, apart=True),
+                subscribe(0x280 + node, self._on_tpdo2, apart=True),
+                subscribe(0x380 + node, self._on_tpdo3, apart=True),
             ]
 
     def _setup(self, plan: DrivePlan) -> NodeSetup:
@@ -334,7 +339,7 @@ class Cia402Port(LinkedPort):
             state = self._state_of_word[key] = decode_state(word)
         stw1 = self._stw1
         zsw1 = int(_ZSW1_OF_STATE[state])
-        if state is DriveState.OPERATION_ENABLED and not stw1 & 0x0001:
+        if state is _ENABLED and not stw1 & 0x0001:
             zsw1 &= ~0x0004  # braking on OFF1 is no operation any more (STP-272)
         fault = zsw1 & 0x0008
         if fault:
@@ -346,7 +351,7 @@ class Cia402Port(LinkedPort):
         # OFF2 and OFF3 are shown as pending as long as the controller withdraws them.
         if stw1 & 0x0002:
             zsw1 |= 0x0010
-        if stw1 & 0x0004 and state is not DriveState.QUICK_STOP_ACTIVE:
+        if stw1 & 0x0004 and state is not _STOPPING:
             zsw1 |= 0x0020
         self.zsw1 = zsw1 | word & 0x0280
 
@@ -362,7 +367,7 @@ class Cia402Port(LinkedPort):
         else:
             # Switched on first, operation enabled when the drive has shown that state (transitions 3 and 4).
             control = 0x000F if self._statusword & 0x0002 and stw1 & 0x0008 else 0x0007
-        if stw1 & STW1.ACKNOWLEDGE:
+        if stw1 & _ACKNOWLEDGE:
             control |= 0x0080
         return control
 

@@ -81,7 +81,7 @@ class Cia406Port(EncoderPort):
         self._seen = False
         self._value = self._last = 0
         self._known = False
-        master.subscribe(0x280 + config.node_id, self._on_position)
+        master.subscribe(0x280 + config.node_id, self._on_position, apart=True)
 
     # -- calls of the network
     # -------------------------------------------------------------------------------

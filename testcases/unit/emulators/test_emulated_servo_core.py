@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 
 import pytest
 
@@ -355,3 +356,57 @@ def test_servo_period_must_suit_the_velocity_loop():
     """A servo period near T_vtc would be unstable and is refused."""
     with pytest.raises(ConfigurationError, match="period_s"):
         build(tuning=ServoTuning(velocity_time_constant_ms=0.5))
+
+
+def _state(core: ServoCore) -> list[float]:
+    mechanics, encoder = core.mechanics, core.encoder
+    return [
+        core.position, core.velocity, core.position_demand, core.velocity_demand, core.position_ahead,
+        core.torque, core.torque_demand, core.torque_limited, core.speed_limited, core.precontrol_velocity,
+        core.phase_steps, mechanics.position, mechanics.velocity, mechanics.motor_angle, encoder.increments,
+        encoder.angle,
+    ]  # fmt: skip
+
+
+def test_steps_at_once_are_the_same_as_single_ones():
+    """`advance` makes bit for bit what so many calls of `step` make: any source, at limits, enabled or not,
+    with and without lag, near to end stops where it is not allowed.
+    """
+    draw = random.Random(5)
+    for seed in range(12):
+        tuning = ServoTuning(current_time_constant_s=0.0005 if seed % 4 == 3 else 0.0)
+        one, other = (
+            build(tuning=tuning, coulomb_friction=30.0 * (seed % 3), lower_stop_m=-0.4, upper_stop_m=0.4)
+            for _ in range(2)
+        )
+        calm = 0
+        for _ in range(250):
+            order, speed, steps = draw.randrange(12), draw.uniform(-300.0, 300.0), draw.randint(1, 8)
+            force, count = draw.choice((0.0, 0.0, 300.0, -4000.0)), draw.randint(1, 16)
+            for core in (one, other):
+                if order == 0:
+                    core.enable_pulses()
+                elif order == 1 and speed > 200.0:
+                    core.inhibit_pulses()
+                elif order in (2, 3, 4):
+                    core.command_velocity(speed, steps)
+                elif order in (5, 6, 7):
+                    core.command_servo(speed, core.position + speed / 50.0, 60.0, steps)
+                elif order == 8:
+                    core.command_position(core.position + speed / 100.0, steps, coast=2)
+                elif order == 9:
+                    core.ramp(speed, 5000.0)
+                elif order == 10:
+                    core.mechanics.apply_force(force)
+                elif order == 11:
+                    core.set_torque_limits(abs(speed) / 40.0, 6.0)
+            if one.calm():
+                calm += 1
+                one.advance(count)
+            else:
+                for _ in range(count):
+                    one.step()
+            for _ in range(count):
+                other.step()
+            assert _state(one) == _state(other), (seed, order)
+        assert calm > 20
