@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable, Mapping, Sequence
 from struct import Struct
 from struct import error as StructError  # noqa: N812 - the library's own name `error` says nothing here
@@ -325,6 +326,8 @@ class Recorder:
         """Look at the memory, when a buffer is full."""
         if not self._gradual and self.memory > self._limit:
             self.store()
+            # A case runs without looking for cycles; one that is so long has left some.
+            gc.collect()
 
     def store(self, *, frames_kept: int = _FRAMES_KEPT, events_kept: int = _EVENTS_KEPT) -> None:
         """Write all but the newest to temporary files.
