@@ -68,6 +68,8 @@ def helpers_of_the_checkout(tmp_path_factory):
         yield
 
 
+MADE_BY_A_BENCH = 2_000
+"""Objects that a test has made and not freed, from which on there may be a bench among them."""
 ELSEWHERE = ("browser", "peers", "realtime", "vcan")
 """Marks of tests that need more than Python and processor time; they have their own environments."""
 OWN_CHOICE = ("exhaustive", *ELSEWHERE)
@@ -104,6 +106,19 @@ def pytest_collection():
         gc.freeze()
         gc.set_threshold(50_000, 20)
         gc.enable()
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_protocol():
+    """Free the benches of a test behind it: webs of references that would stay, with thresholds as high as
+    these, until a worker has 2 GB.
+    """
+    try:
+        return (yield)
+    finally:
+        fresh, survived, _ = gc.get_count()
+        if survived or fresh > MADE_BY_A_BENCH:
+            gc.collect(1)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

@@ -7,7 +7,8 @@ endlessly as a modulo axis, the others travel to and fro. A line is printed 24 t
 simulated seconds per second of processor time since the line before, memory of the process: its own
 (anonymous), and with the pages of mapped files, which the system takes back when it needs them. At the end
 all axes stop, and the positions of the controller are compared with the true ones of the mechanics. The run
-is then judged by all rules as that of any case, and the report is written and read.
+is then judged by all rules as that of any case, and the report is written and read. Ctrl-C ends the travel
+early, not the rest.
 
 Exit code 1: more than 400 MB of its own were in use at one of the lines, a position is off by an increment or
 more, or the report does not show the case.
@@ -19,8 +20,10 @@ import argparse
 import json
 import os
 import resource
+import signal
 import sys
 import tempfile
+import threading
 import time
 import tomllib
 from dataclasses import asdict, dataclass, field
@@ -65,6 +68,7 @@ class Figures:
 
     core: str
     hours: float
+    """Simulated time of the travel."""
     lines: list[Line] = field(default_factory=list)
     errors_mm: dict[str, float] = field(default_factory=dict)
     turns: float = 0.0
@@ -159,9 +163,11 @@ def travel(ctx: CaseContext, *, hours: float, meter: Meter, figures: Figures) ->
     ctx.do("The first axis turns, the others travel to and fro")
     meter.line("start", bench.now_s)
     begin_s, target = bench.now_s, TRAVEL_MM
+    ended = threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: ended.set())
     for part in range(1, LINES + 1):
         until_s = begin_s + part * hours * 3600.0 / LINES
-        while bench.now_s < until_s:
+        while bench.now_s < until_s and not ended.is_set():
             # The same instances again and again, as a program does it.
             bench.wait_until(lambda: all(job.Done for job in jobs), 10.0, "the axes arrive")
             target = -target
@@ -170,7 +176,11 @@ def travel(ctx: CaseContext, *, hours: float, meter: Meter, figures: Figures) ->
             bench.run_for(0.004)
             for job in jobs:
                 job.set(Execute=True)
+        if ended.is_set():
+            break
         meter.line(f"{part} of {LINES}", bench.now_s)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    figures.hours = (bench.now_s - begin_s) / 3600.0
     assert turning.InVelocity
     halts = [axis.halt() for axis in axes]
     ctx.wait_until(lambda: all(halt.Done for halt in halts), 5.0, "all axes stand")
@@ -262,7 +272,8 @@ def main() -> None:
         print(json.dumps(asdict(figures) | {"increment_mm": INCREMENT_MM, "good": good}))
     else:
         print(f"{core_build.described()}; {os.cpu_count()} processors")
-        print(f"{figures.samples} values and {figures.frames} frames recorded; {figures.turns:.1f} turns")
+        print(f"{figures.hours:.3f} h; {figures.samples} values and {figures.frames} frames recorded")
+        print(f"{figures.turns:.1f} turns of the endless axis")
         for name, error in figures.errors_mm.items():
             print(f"{name}: off by {error / INCREMENT_MM:+.3f} increments")
         print(f"most of its own memory {own:.1f} MB; most in all {figures.peak_mb:.1f} MB")
