@@ -10,7 +10,7 @@ from typing import Final, Literal
 
 from fieldbus.can.frame import CanFrame
 from hil.campaign._execute import Execution
-from hil.record import Trace, TraceFrame
+from hil.record import Trace, TraceFrame, protocol_of
 from reports.model import Verdict
 from reports.naming import naming
 
@@ -40,7 +40,7 @@ def candump_lines(frames: Iterable[TraceFrame]) -> Iterable[str]:
 def write_candump(trace: Trace, path: Path) -> Path:
     """Write the frames of a trace as a candump log."""
     with path.open("w", encoding="ascii") as stream:
-        stream.writelines(candump_lines(trace.frames))
+        stream.writelines(candump_lines(trace.iter_frames()))
     return path
 
 
@@ -48,15 +48,10 @@ def write_modbus_log(trace: Trace, path: Path) -> Path:
     """Write the requests and responses of a trace, a line each: time, segment, sender, bytes, words, what
     went wrong.
     """
-    rows = [
-        (time_ns, bus, sender, frame, error)
-        for bus in trace.buses
-        for time_ns, sender, frame, error in trace.raw_frames(bus)
-        if not isinstance(frame, CanFrame)
-    ]
-    rows.sort(key=lambda row: row[0])
     with path.open("w", encoding="utf-8") as stream:
-        for time_ns, bus, sender, frame, error in rows:
+        for time_ns, bus, sender, frame, error in trace.raw_by_time():
+            if isinstance(frame, CanFrame):
+                continue
             seconds, rest = divmod(time_ns, 1_000_000_000)
             suffix = f" [{error}]" if error else ""
             stream.write(
@@ -89,7 +84,7 @@ def write_evidence(execution: Execution, directory: Path, keep: Keep) -> None:
     with naming(folder / "trace.npz"):
         archive, document = trace.save(folder / "trace")
     written = {"trace columns": archive, "trace events and frames": document}
-    protocols = {frame.protocol for frame in trace.frames}
+    protocols = {protocol_of(log) for log in map(trace.raw_frames, trace.buses) if log}
     if "can" in protocols:
         with naming(folder / "bus.log"):
             written["bus log (candump)"] = write_candump(trace, folder / "bus.log")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import zip_longest
 
 import numpy as np
 
@@ -109,25 +110,19 @@ def _group_difference(left: TraceGroup, right: TraceGroup) -> Difference | None:
 
 
 def _frames(left: Trace, right: Trace) -> Difference | None:
-    mine, theirs = left.frames, right.frames
-    for a, b in zip(mine, theirs, strict=False):
-        if a != b:
-            return Difference(min(a.time_ns, b.time_ns) * 1e-9, f"frame on {a.bus}", _frame(a), _frame(b))
-    if len(mine) != len(theirs):
-        shorter = min(len(mine), len(theirs))
-        extra = (mine if len(mine) > shorter else theirs)[shorter]
-        text, nothing = _frame(extra), "nothing"
-        in_left = len(mine) > shorter
-        return Difference(
-            extra.time_ns * 1e-9,
-            f"frame on {extra.bus}",
-            text if in_left else nothing,
-            nothing if in_left else text,
-        )
+    for a, b in zip_longest(left.iter_frames(), right.iter_frames()):
+        if a == b:
+            continue
+        there = a or b
+        assert there is not None  # one of them is longer
+        time_ns = min(one.time_ns for one in (a, b) if one is not None)
+        return Difference(time_ns * 1e-9, f"frame on {there.bus}", _frame(a), _frame(b))
     return None
 
 
-def _frame(frame: TraceFrame) -> str:
+def _frame(frame: TraceFrame | None) -> str:
+    if frame is None:
+        return "nothing"
     body = f"R{frame.dlc}" if frame.remote else frame.data.hex(" ").upper()
     problem = f" ({frame.error})" if frame.error else ""
     return f"{frame.time_ns} ns {frame.sender} {frame.can_id:03X}#{body}{problem}"

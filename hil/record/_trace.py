@@ -355,13 +355,18 @@ class Trace:
         """Return the frame log of a bus as the segment kept it."""
         return self._raw_frames.get(bus, ())
 
-    def can_log(self, bus: str) -> list[Entry]:
+    def raw_by_time(self) -> Iterator[tuple[int, str, str, BusFrame, str]]:
+        """Return the frames of all buses one by one, by time: time (ns), bus, sender, frame, error."""
+
+        def named(bus: str) -> Iterator[tuple[int, str, str, BusFrame, str]]:
+            return ((entry[0], bus, *entry[1:]) for entry in self._raw_frames[bus])
+
+        return self._by_time([named(bus) for bus in self._raw_frames])
+
+    def can_log(self, bus: str) -> Sequence[Entry]:
         """Return the frames of a CAN bus: time (ns), sender, frame, error; of another bus none."""
-        return [
-            (time_ns, sender, frame, error)
-            for time_ns, sender, frame, error in self.raw_frames(bus)
-            if isinstance(frame, CanFrame)
-        ]
+        log = self.raw_frames(bus)
+        return cast("Sequence[Entry]", log) if protocol_of(log) == "can" else ()
 
     @property
     def can_buses(self) -> list[str]:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
+from heapq import merge
+from itertools import groupby, repeat
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -12,6 +15,7 @@ import numpy as np
 
 from fieldbus.errors import ConfigurationError
 from hil.errors import CannotRunError
+from hil.record._signal import PART
 from hil.record._trace import Trace, TraceGroup
 from reports.naming import naming
 
@@ -83,22 +87,33 @@ def _write_npz(chosen: Chosen, path: Path) -> None:
 
 def _write_csv(chosen: Chosen, path: Path) -> None:
     header = ["time_s"]
-    rows: dict[int, dict[int, float]] = {}
+    streams: list[Iterator[_Row]] = []
     for group, columns in chosen:
-        first = len(header)
+        streams.append(_rows(group, columns, first=len(header) - 1))
         for column in columns:
             name, unit = group.columns[column]
             header.append(f"{group.name}.{name} [{unit}]" if unit else f"{group.name}.{name}")
-        for time_ns, values in zip(group.time_ns.tolist(), group.values[:, columns].tolist(), strict=True):
-            rows.setdefault(time_ns, {}).update(enumerate(values, start=first))
     with naming(path), path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(header)
-        for time_ns in sorted(rows):
-            row = rows[time_ns]
+        for time_ns, rows in groupby(merge(*streams, key=itemgetter(0)), key=itemgetter(0)):
+            fields = [""] * (len(header) - 1)
+            for _, first, values in rows:
+                fields[first : first + len(values)] = map(repr, values)
             seconds, rest = divmod(time_ns, 1_000_000_000)
-            fields = (repr(row[at]) if at in row else "" for at in range(1, len(header)))
             writer.writerow([f"{seconds}.{rest:09d}", *fields])
+
+
+_Row = tuple[int, int, list[float]]
+"""Time in ns, place of the first value among the fields, values."""
+
+
+def _rows(group: TraceGroup, columns: list[int], *, first: int) -> Iterator[_Row]:
+    """Return the rows of a group, read piece by piece."""
+    for begin in range(0, len(group.time_ns), PART):
+        times = group.time_ns[begin : begin + PART].tolist()
+        values = group.values[begin : begin + PART][:, columns].tolist()
+        yield from zip(times, repeat(first), values)
 
 
 def _write_mdf(chosen: Chosen, path: Path) -> None:
@@ -110,13 +125,12 @@ def _write_mdf(chosen: Chosen, path: Path) -> None:
         ) from error
     with MDF(version="4.10") as mdf:
         mdf.header.start_time = _EPOCH
-        for group, columns in chosen:
-            times = group.time_ns * _NS
+        for number, (group, columns) in enumerate(chosen):
             mdf.append(
                 [
                     Signal(
-                        samples=np.ascontiguousarray(group.values[:, column]),
-                        timestamps=times,
+                        samples=np.ascontiguousarray(group.values[:PART, column]),
+                        timestamps=group.time_ns[:PART] * _NS,
                         name=f"{group.name}.{group.columns[column][0]}",
                         unit=group.columns[column][1],
                         conversion=_texts(group, group.columns[column][0]),
@@ -127,6 +141,11 @@ def _write_mdf(chosen: Chosen, path: Path) -> None:
                 comment=f"recorded by the bench: {group.name}",
                 common_timebase=True,
             )
+            # The library keeps what it has been given in a file of its own until it is saved.
+            for begin in range(PART, len(group.time_ns), PART):
+                part = slice(begin, begin + PART)
+                more = [np.ascontiguousarray(group.values[part, column]) for column in columns]
+                mdf.extend(number, [(one, None) for one in (group.time_ns[part] * _NS, *more)])
         mdf.save(path, overwrite=True, compression=2)
 
 

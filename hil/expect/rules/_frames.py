@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import islice
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldbus.can.frame import CanFrame
+from hil.record._spool import Spool
 
 if TYPE_CHECKING:
     from hil.record import Trace
@@ -20,16 +22,46 @@ class Frames(NamedTuple):
 
     time_s: NDArray[np.float64]
     """Time at which each of them ended."""
-    data: list[bytes]
+    lengths: NDArray[np.uint8]
+    """Bytes of each."""
+    data: NDArray[np.uint8]
+    """Their bytes, one frame after the other."""
 
     def of_length(self, length: int) -> NDArray[np.uint8] | None:
         """Return the bytes, a row per frame; None when one of them has another length."""
-        if set(map(len, self.data)) - {length}:
+        if not length or len(self.data) != length * len(self.lengths) or (self.lengths != length).any():
             return None
-        return np.frombuffer(b"".join(self.data), dtype=np.uint8).reshape(-1, length)
+        return self.data.reshape(-1, length)
+
+    def each(self) -> Iterator[tuple[float, bytes]]:
+        """Return time in s and bytes of every frame."""
+        end = 0
+        for time_s, length in zip(self.time_s, self.lengths, strict=True):
+            begin, end = end, end + int(length)
+            yield float(time_s), self.data[begin:end].tobytes()
 
 
-_NONE = Frames(np.empty(0), [])
+_NONE = Frames(np.empty(0), np.empty(0, dtype=np.uint8), np.empty(0, dtype=np.uint8))
+_PART: Final = 262_144
+"""Frames of a bus that are put to the others at a time."""
+
+
+class _Collected:
+    """Frames of one identifier while a log is read; those of a long log go to temporary files."""
+
+    def __init__(self) -> None:
+        self._times, self._lengths, self._data = Spool(), Spool(), Spool()
+
+    def add(self, frames: list[tuple[int, bytes]]) -> None:
+        """Add frames: time in ns and data of each."""
+        times = np.array([time_ns for time_ns, _ in frames], dtype=np.float64) * 1e-9
+        self._times.write(times.tobytes())
+        self._lengths.write(bytes([len(data) for _, data in frames]))
+        self._data.write(b"".join([data for _, data in frames]))
+
+    def frames(self) -> Frames:
+        """Return all of them."""
+        return Frames(self._times.view(np.float64), self._lengths.view(np.uint8), self._data.view(np.uint8))
 
 
 class BusFrames:
@@ -47,18 +79,17 @@ class BusFrames:
     def _of_bus(self, bus: str) -> dict[int, Frames]:
         found = self._buses.get(bus)
         if found is None:
-            kept: defaultdict[int, list[tuple[int, bytes]]] = defaultdict(list)
-            for time_ns, _sender, frame, error in self._trace.raw_frames(bus):
-                if error or frame.extended or frame.remote or not isinstance(frame, CanFrame) or frame.fd:
-                    continue
-                kept[frame.can_id].append((time_ns, frame.data))
-            found = self._buses[bus] = {
-                can_id: Frames(
-                    np.array([time_ns for time_ns, _ in one], dtype=np.float64) * 1e-9,
-                    [data for _, data in one],
-                )
-                for can_id, one in kept.items()
-            }
+            collected: defaultdict[int, _Collected] = defaultdict(_Collected)
+            log = iter(self._trace.raw_frames(bus))
+            while part := list(islice(log, _PART)):
+                kept: defaultdict[int, list[tuple[int, bytes]]] = defaultdict(list)
+                for time_ns, _sender, frame, error in part:
+                    if error or frame.extended or frame.remote or not isinstance(frame, CanFrame) or frame.fd:
+                        continue
+                    kept[frame.can_id].append((time_ns, frame.data))
+                for can_id, frames in kept.items():
+                    collected[can_id].add(frames)
+            found = self._buses[bus] = {can_id: one.frames() for can_id, one in collected.items()}
         return found
 
     def of(self, bus: str, can_id: int) -> Frames:
