@@ -52,7 +52,7 @@ class Spool:
         self._held = bytearray()
         self._file: IO[bytes] | None = None
 
-    def write(self, data: bytes) -> None:
+    def write(self, data: bytes | bytearray) -> None:
         """Add bytes at the end."""
         self._held += data
         if len(self._held) >= (self._in_memory if self._file is None else _CHUNK):

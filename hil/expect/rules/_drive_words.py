@@ -402,13 +402,11 @@ def _emcy_frames(drive: DriveView) -> Judged | None:
     frames = drive.whole.frames.of(bus, 0x80 + node)
     events = drive.whole.events
     emitted = sorted(events.of(drive.name, "emcy.raised", "emcy.cleared"), key=lambda one: one.time_ns)
-    if not emitted and not len(frames.data):
+    if not emitted and not len(frames.lengths):
         return None
     found = []
     sent = [
-        (float(when), int.from_bytes(data[:2], "little"), data[2])
-        for when, data in zip(frames.time_s, frames.data, strict=True)
-        if len(data) == 8
+        (when, int.from_bytes(data[:2], "little"), data[2]) for when, data in frames.each() if len(data) == 8
     ]
     taken = 0
     for when, code, register in sent:
