@@ -34,6 +34,7 @@ from testcases.campaigns import (
     control,
     controllers,
     drive_faults,
+    encoder_states,
     encoders,
     external_encoder,
     fault_reactions,
@@ -55,8 +56,10 @@ from testcases.campaigns import (
     node_guarding,
     profidrive_parameters,
     profidrive_positioner,
+    profidrive_safety,
     profidrive_speed,
     profidrive_words,
+    pulse_module,
     repeated,
     stop_modes,
     telegram_faults,
@@ -82,6 +85,7 @@ ON_PROFIDRIVE = (drive_faults.CAMPAIGN, telegram_faults.CAMPAIGN)
 SAMPLED_ON_PROFIDRIVE = (*LARGE, monitoring.CAMPAIGN)
 """What the controller does, whatever its drive; causes inside of a drive are in the campaigns above."""
 SERVICES = "testcases.campaigns.modbus_services"
+GUARDED = "testcases.campaigns.profidrive_safety"
 CAN_BUS = "testcases.campaigns.can_bus:BENCH"
 SPEED = "testcases.campaigns.profidrive_speed:BENCH"
 POSITIONER = "testcases.campaigns.profidrive_positioner:BENCH"
@@ -205,6 +209,9 @@ def bench_file(name):
         *cases(WITH_ENCODERS.format("PROFIDRIVE"), "profidrive", [external_encoder.CAMPAIGN], sampled=True),
         *some(CAN_BUS, "cia402", [can_bus.CAMPAIGN, canopen_device.CAMPAIGN, can_adapter.CAMPAIGN]),
         *some(CAN_BUS, "cia402", [modbus_stations.CAMPAIGN]),
+        *some(CAN_BUS, "profidrive", [encoder_states.CAMPAIGN, pulse_module.CAMPAIGN]),
+        *some(f"{GUARDED}:BENCH", "profidrive", [profidrive_safety.CAMPAIGN]),
+        *some(SPEED, "profidrive", [profidrive_safety.FUNCTIONS]),
         *some("testcases.campaigns.cia402_details:BENCH", "cia402", [cia402_details.CAMPAIGN]),
         *some(f"{SERVICES}:TCP", "profidrive", [profidrive_parameters.CAMPAIGN]),
         *few("testcases.campaigns.nc_machines:BENCH", [nc_machines.CAMPAIGN]),

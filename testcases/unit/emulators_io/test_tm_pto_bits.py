@@ -14,7 +14,7 @@ from emulators.drive.pto_settings import Signals
 from emulators.encoder.profidrive._abilities import EncoderState
 from fieldbus.clock import MS, S
 from fieldbus.profidrive import pto_telegram, telegram
-from testcases.unit.emulators_io.pto_rig import RUN, S1, S2, S3, S4, S5A, S5B, SEQUENCE, Rig, channel_of
+from testcases.campaigns._pto_rig import RUN, S1, S2, S3, S4, S5A, S5B, SEQUENCE, Rig, channel_of
 
 ACKNOWLEDGE = 0x8000
 MAXIMUM = 0x4000

@@ -14,7 +14,7 @@ from emulators.io.tm_pto import PtoConfig, PtoModule, PulseGenerator
 from fieldbus.clock import MS, S, VirtualScheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import pto_telegram, telegram
-from testcases.unit.emulators_io.pto_rig import RUN, S1, S2, S3, S4, S5A, S5B, SEQUENCE, Rig, channel_of
+from testcases.campaigns._pto_rig import RUN, S1, S2, S3, S4, S5A, S5B, SEQUENCE, Rig, channel_of
 
 STATES = {S1: 0x0040, S2: 0x0001, S3: 0x0003, S4: 0x0007, S5A: 0x0007, S5B: 0x0007}
 

@@ -15,7 +15,7 @@ from emulators.io.tm_pto import PtoConfig, StepperConfig, StepperMotor
 from fieldbus.clock import MS
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import ENCODER_ERRORS
-from testcases.unit.emulators_io.pto_rig import RUN, S1, S4, SEQUENCE, Rig
+from testcases.campaigns._pto_rig import RUN, S1, S4, SEQUENCE, Rig
 
 SEARCH, READ_1, READ_2 = 0x0011, 0x0021, 0x0022
 MEASURE, MEASURE_BOTH = 0x0080, 0x0093

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from typing import Any
 
 from emulators.drive.profidrive.statemachine import AxisState
 from emulators.drive.pto_settings import PtoSettings
@@ -26,14 +27,16 @@ RUN = 0x045F
 SETTINGS = frozenset(one.name for one in fields(PtoSettings))
 
 
-def channel_of(**keys):
+def channel_of(**keys: Any) -> PtoConfig:
     """Return a channel whose terminals are not used unless the keys say so."""
-    settings = {"use_ed": False, "use_dr": False} | {key: keys.pop(key) for key in SETTINGS & set(keys)}
+    settings: dict[str, Any] = {"use_ed": False, "use_dr": False} | {
+        key: keys.pop(key) for key in SETTINGS & set(keys)
+    }
     return PtoConfig(settings=PtoSettings(**settings), **keys)
 
 
 class Rig:
-    def __init__(self, *, other=None, **config):
+    def __init__(self, *, other: PtoConfig | None = None, **config: Any) -> None:
         self.scheduler = VirtualScheduler()
         self.module = PtoModule(self.scheduler, [channel_of(**config), other or channel_of()])
         self.channel, self.second = self.module.channels
@@ -42,9 +45,9 @@ class Rig:
         self.g1 = 0
         self.nsoll = 0
         self.stw2 = 0
-        self.got = {}
+        self.got: dict[str, int] = {}
 
-    def frame(self):
+    def frame(self) -> bytes:
         wide = self.channel.config.settings.standard
         return self.telegram.setpoint.encode(
             {
@@ -55,7 +58,16 @@ class Rig:
             }
         )
 
-    def __call__(self, stw1=None, *, g1=None, nsoll=None, cycles=1, seconds=None, quiet=False):
+    def __call__(
+        self,
+        stw1: int | None = None,
+        *,
+        g1: int | None = None,
+        nsoll: int | None = None,
+        cycles: int = 1,
+        seconds: float | None = None,
+        quiet: bool = False,
+    ) -> AxisState:
         """Run bus cycles with these words (kept when None); returns the state. `seconds` in place of
         `cycles`.
         """
@@ -71,7 +83,7 @@ class Rig:
         self.got = self.telegram.actual.decode(data)
         return self.channel.state
 
-    def start(self, nsoll=0, seconds=None):
+    def start(self, nsoll: int = 0, seconds: float | None = None) -> None:
         """Bring the channel into S4, and let it run for some time."""
         for word in SEQUENCE:
             self(word, nsoll=nsoll)
@@ -80,17 +92,17 @@ class Rig:
             self(seconds=seconds)
 
     @property
-    def zsw1(self):
+    def zsw1(self) -> int:
         return self.got["ZSW1"]
 
     @property
-    def hertz(self):
+    def hertz(self) -> float:
         return self.channel.generator.frequency
 
     @property
-    def count(self):
+    def count(self) -> int:
         return self.channel.generator.count
 
     @property
-    def code(self):
+    def code(self) -> int:
         return self.got["G1_XIST2"] if self.got["G1_ZSW"] & 0x8000 else 0
