@@ -98,6 +98,11 @@ class Campaign:
             used when the user names none.
         signals: Signals kept in the report; empty: the usual ones.
         needs: What its cases need of a configuration: values by name of a factor.
+        controller: Make of controller that its cases are written for, a word of `--controllers`; empty: they
+            lead their devices as a plain master.
+
+    Raises:
+        ConfigurationError: The title has neither letters nor digits, or there is no such make.
 
     """
 
@@ -110,7 +115,10 @@ class Campaign:
         bench: str = "",
         signals: Sequence[str] = (),
         needs: Needed | None = None,
+        controller: str = next(iter(CONTROLLERS)),
     ) -> None:
+        if controller and controller not in CONTROLLERS:
+            raise ConfigurationError("campaign controller", controller, ", ".join(CONTROLLERS))
         if not slug(title):
             raise ConfigurationError("campaign title", title, "a text with letters or digits")
         self.title = title
@@ -119,6 +127,7 @@ class Campaign:
         self.bench = bench
         self.signals = tuple(signals)
         self.needs = Needs.of(needs or {})
+        self.controller = controller
         self._cases: dict[str, Case] = {}
         self._rules: dict[str, Rule | str] = {}
 
@@ -161,16 +170,22 @@ class Campaign:
             controller: The make, one of `CONTROLLERS`.
 
         """
-        if controller == next(iter(CONTROLLERS)):
-            return replace(case, controller=controller)
+        first = next(iter(CONTROLLERS))
+        there = replace(case, controller=controller)
+        if controller != first:
+            there = replace(there, identifier=f"{case.identifier}{ON}{controller}")
+        own, what = self.controller or first, CONTROLLERS[controller]
+        if controller == own:
+            return there
+        if not self.controller or own != first:
+            case_is = f"is written for {CONTROLLERS[own]}" if self.controller else "is led by a plain master"
+            return replace(there, requirements=(), refusal=f"not applicable to {what}: the case {case_is}")
         rule = self._rules.get(controller)
         if isinstance(rule, str):
             module, _, attribute = rule.partition(":")
             rule = self._rules[controller] = getattr(importlib.import_module(module), attribute)
         name = case.identifier.removeprefix(f"{slug(self.title)}/")
         found = rule(name, case.parameters) if callable(rule) else None
-        there = replace(case, identifier=f"{case.identifier}{ON}{controller}", controller=controller)
-        what = CONTROLLERS[controller]
         if isinstance(found, Counterpart):
             return replace(
                 there,
@@ -182,7 +197,8 @@ class Campaign:
             )
         if isinstance(found, NotApplicable):
             return replace(there, requirements=(), refusal=f"not applicable to {what}: {found.reason}")
-        return replace(there, requirements=(), refusal=f"no case is written for {what}")
+        reason = f"no case is written for {what}: those of {self.title!r} are about {CONTROLLERS[own]}"
+        return replace(there, requirements=(), refusal=reason)
 
     def add(self, case: Case) -> None:
         """Add a case.

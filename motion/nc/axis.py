@@ -1021,7 +1021,9 @@ class NcAxis:
     def _send(self, *, enable: bool) -> None:
         outputs = self._outputs
         if self._reset:
-            self._reset = self._reset - 1 if self.drive_error else 0
+            device = self.device
+            waits = self.drive_error or (device.mute and enable and not device.operating)
+            self._reset = self._reset - 1 if waits else 0
         if not self._closed or self.error_id:
             outputs.velocity = outputs.torque = outputs.acceleration = 0.0
             if self._interface == POSITION_INTERFACE:

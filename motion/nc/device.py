@@ -90,6 +90,9 @@ class Device(Protocol):
     """Time since the encoder took its value, by its time stamp, s (`nDcInputTime`)."""
     output_lead: float
     """Time until the drive takes its setpoint over, by its time stamp, s (`nDcOutputTime`)."""
+    mute: bool
+    """The drive has no way to report a fault: one that does not follow its enable counts as faulty in a
+    reset."""
 
     @property
     def simulated(self) -> bool:
@@ -137,6 +140,7 @@ class _Values:
         self.restarts = 0
         self.input_age = 0.0
         self.output_lead = 0.0
+        self.mute = False
 
 
 class PortDevice(_Values):
@@ -167,6 +171,7 @@ class PortDevice(_Values):
     ) -> None:
         super().__init__()
         self.port = port
+        self.mute = port.analog
         self.interface = interface
         self._rpm_per_unit = rpm_per_unit
         self._on = False

@@ -8,14 +8,18 @@ import os
 
 import pytest
 
-from hil.campaign import CaseSettings, execute_case, load_bench_file
+from fieldbus.errors import ConfigurationError
+from hil.campaign import Campaign, CaseSettings, execute_case, load_bench_file
 from reports.model import Verdict
 from testcases.campaigns import (
+    bus_log,
     drive_faults,
     fault_reactions,
+    gearing,
     homing,
     limits,
     monitoring,
+    nc_axes,
     stop_modes,
     telegram_faults,
 )
@@ -97,3 +101,45 @@ def test_both_makes_get_the_same_fault(name):
         assert result.verdict is Verdict.PASSED, result.message
         found.append([(one.kind, one.target, one.parameters) for one in result.faults])
     assert found[0] == found[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "bench", "verdict"),
+    [
+        ("fault-reactions/drive-fault/2310/standstill", "analog", Verdict.PASSED),
+        ("fault-reactions/encoder-fault/standstill", "analog", Verdict.PASSED),
+        ("fault-reactions/setpoints-lost/constant", "profidrive", Verdict.PASSED),
+        ("telegram-faults/sign-of-life/constant", "profidrive_rtu", Verdict.PASSED),
+        ("telegram-faults/sign-of-life/standstill", "stepper", Verdict.BLOCKED),
+        ("monitoring/jam/50", "stepper", Verdict.BLOCKED),
+        ("monitoring/reversed/standstill", "profidrive", Verdict.PASSED),
+        ("monitoring/frozen/60", "profidrive_rtu", Verdict.PASSED),
+    ],
+)
+def test_other_drives_have_codes_of_their_own(name, bench, verdict):
+    """On drives that trip by themselves, report nothing, or answer late, the code is that of the bench."""
+    module = next(one for one in CAMPAIGNS if name in one.CAMPAIGN)
+    case = module.CAMPAIGN[f"{name}@nc"]
+    result = execute_case(case, load_bench_file(f"nc-axes:{bench}"), CaseSettings(seed=1)).result
+    assert result.verdict is verdict, result.message
+
+
+def test_cases_of_an_nc_and_of_a_plain_master():
+    """A case written for an NC axis runs as it is there and is blocked for a technology object; one that a
+    plain master leads runs once.
+    """
+    at_home, elsewhere = (
+        nc_axes.CAMPAIGN.on_controller(nc_axes.CAMPAIGN["nc-axes/additive"], make) for make in ("nc", "s7")
+    )
+    assert at_home.refusal == ""
+    assert at_home.identifier == "nc-axes/additive@nc"
+    result = execute_case(at_home, load_bench_file(f"nc-axes:{at_home.bench}"), CaseSettings()).result
+    assert (result.verdict, result.controller) == (Verdict.PASSED, "nc")
+    assert "the case is written for an axis of an NC" in elsewhere.refusal
+    led = bus_log.CAMPAIGN.cases[0]
+    assert bus_log.CAMPAIGN.on_controller(led, "s7").refusal == ""
+    assert "led by a plain master" in bus_log.CAMPAIGN.on_controller(led, "nc").refusal
+    only_s7 = gearing.CAMPAIGN.cases[0]
+    assert "are about a technology object" in gearing.CAMPAIGN.on_controller(only_s7, "nc").refusal
+    with pytest.raises(ConfigurationError, match=r"campaign controller.*'plc'.*s7, nc"):
+        Campaign("mine", controller="plc")

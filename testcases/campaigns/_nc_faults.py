@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 from hil.campaign import CaseContext, Counterpart, NotApplicable
@@ -29,6 +30,7 @@ from testcases.campaigns._nc import (
     enable,
     fault_case,
     moves_again,
+    need_encoder,
     reset,
 )
 from testcases.campaigns._profiles import encoder_increments_per_revolution, enters
@@ -40,11 +42,15 @@ from testcases.campaigns.drive_faults import HARMLESS, TRIPS
 from testcases.campaigns.support import drive_name, drive_setting, settle_s
 
 TRIPPED: Final = Reaction(NOT_READY, ("NC-749",))
-LOST: Final = Reaction(DATA_INVALID, (), within_cycles=3 + INVALID_CYCLES + 2)
+LOST: Final = Reaction(
+    DATA_INVALID, (), within_cycles=3 + INVALID_CYCLES + 2, by_profile={"analog": NOT_READY}
+)
 """The port bears three cycles without data before it calls them invalid."""
-BLIND: Final = Reaction(ENCODER, ("NC-745",))
+BLIND: Final = Reaction(ENCODER, ("NC-745",), needs_encoder=True, by_profile={"analog": NOT_READY})
 TOO_FAR: Final = Reaction(LAG, ("NC-148", "NC-730"), within_cycles=4, within_s=0.02)
 """Behind the time in which the following error grows the filter time counts, 20 ms."""
+BY_ITSELF: Final = {"profidrive": NOT_READY}
+"""A drive that watches speed and torque of its motor trips before the NC."""
 NOTHING: Final = Reaction(0)
 BORNE: Final = Fault("", NOTHING, lasts_s=0.3, watched_s=0.5)
 
@@ -118,7 +124,7 @@ FAULT_REACTIONS: Final = Table(
         ),
         "setpoints-lost/*": Fault(
             "frame.drop",
-            Reaction(NOT_READY, ("NC-749",), within_cycles=6),
+            Reaction(NOT_READY, ("NC-749",), within_cycles=6, by_profile={"profidrive": LIFE_COUNTER}),
             _drop("rpdo1"),
             on_bus=True,
             lasts_s=1.2,
@@ -165,7 +171,7 @@ FAULT_REACTIONS: Final = Table(
         "emergency-from-actual-values": NO_REACTIONS,
         "limit-switch-stuck": Fault(
             "switch.stuck",
-            Reaction(LAG, TOO_FAR.requirements, within_s=3.0),
+            Reaction(LAG, TOO_FAR.requirements, within_s=3.0, needs_encoder=True),
             {"input": "positive_limit", "state": False},
             watched_s=4.0,
         ),
@@ -173,11 +179,15 @@ FAULT_REACTIONS: Final = Table(
             "an NC axis has no limit switches of its own: a PLC program takes a feed enable away "
             "(campaign limits)"
         ),
-        "jam/*": Fault("mechanics.jam", Reaction(LAG, TOO_FAR.requirements, within_s=0.1), watched_s=1.5),
+        "jam/*": Fault(
+            "mechanics.jam",
+            Reaction(LAG, TOO_FAR.requirements, within_s=0.1, needs_encoder=True),
+            watched_s=1.5,
+        ),
         "load-step": Fault("mechanics.load_step", NOTHING, {"force_N": -400.0}, lasts_s=0.3, watched_s=0.8),
         "overload": Fault(
             "mechanics.load_step",
-            Reaction(LAG, TOO_FAR.requirements, within_s=0.17),
+            Reaction(LAG, TOO_FAR.requirements, within_s=0.17, needs_encoder=True, by_profile=BY_ITSELF),
             {"force_N": -8000.0},
             lasts_s=0.15,
             watched_s=5.0,
@@ -188,8 +198,8 @@ FAULT_REACTIONS: Final = Table(
             lasts_s=2.0,
             watched_s=4.0,
         ),
-        "encoder-jump/-*": Fault("encoder.jump", TOO_FAR, _jump(-2)),
-        "encoder-jump/*": Fault("encoder.jump", TOO_FAR, _jump(2)),
+        "encoder-jump/-*": Fault("encoder.jump", TOO_FAR, _jump(-2), watched_s=4.0),
+        "encoder-jump/*": Fault("encoder.jump", replace(TOO_FAR, by_profile=BY_ITSELF), _jump(2)),
         "small-encoder-jump": Fault(
             "encoder.jump",
             NOTHING,
@@ -203,7 +213,7 @@ FAULT_REACTIONS: Final = Table(
 def _trip(what: str, phase: str) -> Counterpart:
     kind, parameters, _, number = TRIPS[what]
     reaction = BLIND if number == 411 else TRIPPED
-    reaction = Reaction(reaction.code, reaction.requirements, within_cycles=6, within_s=0.02)
+    reaction = replace(reaction, within_cycles=6, within_s=0.02)
     fault = Fault(kind, reaction, parameters, watched_s=4.0)
     return Counterpart(fault_case, {"fault": fault, "phase": phase}, reaction.requirements)
 
@@ -254,6 +264,7 @@ def _mains_off(ctx: CaseContext) -> None:
 
 def _jam_comes_free(ctx: CaseContext) -> None:
     """A jam that comes free behind the shutdown sets nothing in motion."""
+    need_encoder(ctx)
     enable(ctx)
     bring_into(ctx, "constant")
     jam = ctx.inject("mechanics.jam", drive_name(ctx))

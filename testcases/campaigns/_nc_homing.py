@@ -31,6 +31,7 @@ from testcases.campaigns._nc import (
     bring_into,
     code_at,
     enable,
+    need_cycle_of,
 )
 from testcases.campaigns._reactions import cycles
 from testcases.campaigns.support import drive_name, settle_s
@@ -200,6 +201,7 @@ def direct_case(ctx: CaseContext, relative: bool) -> None:
     """The present place gets another position while the axis moves: no step of the velocity, the motion goes
     on.
     """
+    need_cycle_of(ctx, 0.008, "its following error still settles")
     axis, name = axis_of(ctx), axis_name(ctx)
     enable(ctx)
     bring_into(ctx, "constant", velocity=100.0)

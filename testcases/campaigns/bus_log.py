@@ -11,7 +11,9 @@ from hil.campaign import Campaign, CaseContext
 from testcases.campaigns._led_servo import NODE, Node
 from testcases.campaigns.support import equal
 
-CAMPAIGN: Final = Campaign("bus log", tags=("canopen",), bench="testcases.campaigns._led_servo:BENCH")
+CAMPAIGN: Final = Campaign(
+    "bus log", controller="", tags=("canopen",), bench="testcases.campaigns._led_servo:BENCH"
+)
 SERVER: Final = 0x600 + NODE
 
 

@@ -11,7 +11,7 @@ from hil.campaign import Campaign, CaseContext
 from testcases.campaigns._led_servo import DRIVE, NODE, Node, words
 
 CAMPAIGN: Final = Campaign(
-    "canopen services", tags=("canopen",), bench="testcases.campaigns._led_servo:BENCH"
+    "canopen services", controller="", tags=("canopen",), bench="testcases.campaigns._led_servo:BENCH"
 )
 
 NAME: Final = b"Emulated servo drive CiA 402"

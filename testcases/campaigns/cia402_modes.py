@@ -14,7 +14,7 @@ from hil.record import event
 from testcases.campaigns._led_servo import DRIVE, NODE, REV, Node, words
 
 CAMPAIGN: Final = Campaign(
-    "cia402 modes", tags=("drive", "cia402"), bench="testcases.campaigns._led_servo:BENCH"
+    "cia402 modes", controller="", tags=("drive", "cia402"), bench="testcases.campaigns._led_servo:BENCH"
 )
 
 SPEED: Final = 600

@@ -68,7 +68,9 @@ BENCH: Final = BenchFile(
         ]
     ),
 )
-CAMPAIGN: Final = Campaign("encoders", tags=("encoder",), bench="testcases.campaigns.encoders:BENCH")
+CAMPAIGN: Final = Campaign(
+    "encoders", controller="", tags=("encoder",), bench="testcases.campaigns.encoders:BENCH"
+)
 TOO_HIGH, TOO_LOW, WRONG, CROSSED = 0x06090031, 0x06090032, 0x06090030, 0x06090036
 
 

@@ -65,7 +65,9 @@ drive = "feeder"
 """,
 )
 
-CAMPAIGN: Final = Campaign("nc axes", tags=("nc",), bench="testcases.campaigns.nc_axes:BENCH")
+CAMPAIGN: Final = Campaign(
+    "nc axes", tags=("nc",), controller="nc", bench="testcases.campaigns.nc_axes:BENCH"
+)
 CYCLE_S: Final = 0.002
 FAST: Final = {"Acceleration": 1200.0, "Deceleration": 800.0, "Jerk": 20_000.0}
 """Dynamics of the motions, mm/s2 and mm/s3; no two are alike."""

@@ -132,15 +132,17 @@ HOIST: Final = _hoist("contactors", CONTACTORS)
 LIFT: Final = _hoist("inverter", INVERTER)
 LOOP: Final = _hoist("contactors", CONTACTORS, **{"drv.looping_enable": True, "drv.looping_distance": 20.0})
 
-OF_POSITION: Final = Campaign("nc position interface", tags=("nc",), bench=f"{_HERE}:POSITION")
-OF_EXTERN: Final = Campaign("nc drive error", tags=("nc",), bench=f"{_HERE}:EXTERN")
-OF_SERVO: Final = Campaign("nc servo control", tags=("nc",), bench=f"{_HERE}:SERVO")
-OF_TORQUE: Final = Campaign("nc torque interface", tags=("nc",), bench=f"{_HERE}:TORQUE")
-OF_OBSERVER: Final = Campaign("nc torque observer", tags=("nc",), bench=f"{_HERE}:OBSERVER")
-OF_INPUT: Final = Campaign("nc fast stop", tags=("nc",), bench=f"{_HERE}:INPUT")
-OF_HOIST: Final = Campaign("nc contactors", tags=("nc",), bench=f"{_HERE}:HOIST")
-OF_LIFT: Final = Campaign("nc inverter", tags=("nc",), bench=f"{_HERE}:LIFT")
-OF_LOOP: Final = Campaign("nc looping", tags=("nc",), bench=f"{_HERE}:LOOP")
+OF_POSITION: Final = Campaign(
+    "nc position interface", tags=("nc",), controller="nc", bench=f"{_HERE}:POSITION"
+)
+OF_EXTERN: Final = Campaign("nc drive error", tags=("nc",), controller="nc", bench=f"{_HERE}:EXTERN")
+OF_SERVO: Final = Campaign("nc servo control", tags=("nc",), controller="nc", bench=f"{_HERE}:SERVO")
+OF_TORQUE: Final = Campaign("nc torque interface", tags=("nc",), controller="nc", bench=f"{_HERE}:TORQUE")
+OF_OBSERVER: Final = Campaign("nc torque observer", tags=("nc",), controller="nc", bench=f"{_HERE}:OBSERVER")
+OF_INPUT: Final = Campaign("nc fast stop", tags=("nc",), controller="nc", bench=f"{_HERE}:INPUT")
+OF_HOIST: Final = Campaign("nc contactors", tags=("nc",), controller="nc", bench=f"{_HERE}:HOIST")
+OF_LIFT: Final = Campaign("nc inverter", tags=("nc",), controller="nc", bench=f"{_HERE}:LIFT")
+OF_LOOP: Final = Campaign("nc looping", tags=("nc",), controller="nc", bench=f"{_HERE}:LOOP")
 _SERVOS: Final = (
     (OF_POSITION, 8, 0.03, ("NC-481", "NC-790")),
     (OF_EXTERN, 8, 0.03, ("NC-375", "NC-404")),

@@ -77,7 +77,9 @@ controller = "nc"
 "axis.velo_jump_factor" = 2.0
 """,
 )
-CAMPAIGN: Final = Campaign("nc machines", tags=("nc",), bench="testcases.campaigns.nc_machines:BENCH")
+CAMPAIGN: Final = Campaign(
+    "nc machines", tags=("nc",), controller="nc", bench="testcases.campaigns.nc_machines:BENCH"
+)
 CYCLE_S: Final = 0.002
 
 

@@ -51,7 +51,7 @@ ramp_up_s = 0.5
 """,
 )
 CAMPAIGN: Final = Campaign(
-    "profidrive speed", tags=("telegram",), bench="testcases.campaigns.profidrive_speed:BENCH"
+    "profidrive speed", controller="", tags=("telegram",), bench="testcases.campaigns.profidrive_speed:BENCH"
 )
 
 OFF: Final = 0x047E

@@ -101,7 +101,11 @@ class TraceView:
     @cached_property
     def cycle_s(self) -> float:
         """Cycle of the bench, s; 4 ms where no axis tells."""
-        return min((axis.cycle_s for axis in self.axes.values()), default=0.004)
+        axes = [axis.cycle_s for axis in self.axes.values()]
+        # Axes of an NC say it as a number of the trace alone.
+        return min(
+            axes or [value for key, value in self.numbers.items() if key.endswith(".cycle_s")], default=0.004
+        )
 
     def _fault_spans(self) -> list[tuple[str, float, float, str]]:
         """Return target, begin, end and kind of every fault that was applied."""

@@ -32,6 +32,7 @@ class Plant:
         self.torque = 0.0
         self.lag = 0
         self.input_age = self.output_lead = 0.0
+        self.mute = False
         self.interface = VELOCITY
         self.words = {}
         self.digital_inputs = self.direct_inputs = 0
