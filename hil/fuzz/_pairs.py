@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import combinations_with_replacement, islice
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import hypothesis
 from allpairspy import AllPairs
@@ -20,7 +20,7 @@ from hil.errors import CannotRunError
 from hil.faults import Fault
 from hil.fuzz._program import REMOVE_FAULTS, Break, Do, Program, Step, Wait, job_names
 from hil.fuzz._run import injectable
-from hil.fuzz._strategies import PREAMBLE, fault_kinds, fault_steps, identifiers_of
+from hil.fuzz._strategies import fault_kinds, fault_steps, identifiers_of, preamble_of
 
 if TYPE_CHECKING:
     from hil.protocols import BenchFile
@@ -45,13 +45,11 @@ def fault_pairs(bench_file: BenchFile[Any], *, seed: int = 0, kinds: Sequence[st
         kinds: Only pairs of these kinds; none: of all that the bench can inject and a search draws.
 
     Raises:
-        CannotRunError: A kind is none of them, or the first axis of the bench takes no instructions of a
-            technology object.
+        CannotRunError: A kind is none of them.
 
     """
     with bench_file.build(seed=seed) as bench:
-        if "move_velocity" not in job_names(bench.axis()):
-            raise CannotRunError("pairs of faults need a technology object as first axis")
+        frame = _frame(job_names(bench.axis()))
         possible, ids = fault_kinds(bench), identifiers_of(bench)
     if wrong := [kind for kind in kinds if kind not in possible]:
         raise CannotRunError(f"{wrong[0]!r} is no kind of fault that {bench_file.name} takes from a search")
@@ -60,7 +58,7 @@ def fault_pairs(bench_file: BenchFile[Any], *, seed: int = 0, kinds: Sequence[st
     return [
         program
         for one, other in combinations_with_replacement(kinds, 2)
-        for program in _programs(known[one], known[other])
+        for program in _programs(known[one], known[other], frame)
     ]
 
 
@@ -89,12 +87,29 @@ def _variants(bench_file: BenchFile[Any], kind: str, ids: dict[str, int], seed: 
         return list(islice(possible, VARIANTS))
 
 
-def _programs(first: Sequence[Fault], second: Sequence[Fault]) -> Iterator[Program]:
+class _Frame(NamedTuple):
+    """What is around a pair of faults in a program."""
+
+    begin: tuple[Step, ...]
+    motion: Step
+    end: tuple[Step, ...]
+
+
+def _frame(jobs: Sequence[str]) -> _Frame:
+    """Return the steps for an axis with these instructions: of an NC or a technology object."""
+    begin = preamble_of((), jobs)
+    if "MC_MoveVelocity" in jobs:
+        # MC_Power has stayed enabled.
+        return _Frame(begin, Do("MC_MoveVelocity", {"Velocity": _VELOCITY}), (Do("MC_Reset"),))
+    return _Frame(begin, Do("move_velocity", {"velocity": _VELOCITY}), (Do("reset"), Do("power_on")))
+
+
+def _programs(first: Sequence[Fault], second: Sequence[Fault], frame: _Frame) -> Iterator[Program]:
     if not first or not second:
         return
     for one, other, turned, moving in _rows(len(first), len(second)):
         pair = first[one], second[other]
-        yield _program(*(reversed(pair) if turned else pair), moving=moving)
+        yield _program(*(reversed(pair) if turned else pair), frame, moving=moving)
 
 
 @cache
@@ -112,11 +127,11 @@ def _rows(first: int, second: int) -> tuple[tuple[int, int, bool, bool], ...]:
     return tuple(rows)
 
 
-def _program(one: Fault, other: Fault, *, moving: bool) -> Program:
-    motion: tuple[Step, ...] = (Do("move_velocity", {"velocity": _VELOCITY}), Wait(0.2)) if moving else ()
+def _program(one: Fault, other: Fault, frame: _Frame, *, moving: bool) -> Program:
+    motion: tuple[Step, ...] = (frame.motion, Wait(0.2)) if moving else ()
     return Program(
         (
-            *PREAMBLE,
+            *frame.begin,
             *motion,
             Break(one),
             Wait(_LATER_S),
@@ -124,8 +139,7 @@ def _program(one: Fault, other: Fault, *, moving: bool) -> Program:
             Wait(_ACTS_S + _LATER_S),
             Do(REMOVE_FAULTS),
             Wait(_LATER_S),
-            Do("reset"),
-            Do("power_on"),
+            *frame.end,
             Wait(0.3),
         )
     )

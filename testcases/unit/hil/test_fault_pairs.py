@@ -9,6 +9,7 @@ from itertools import combinations_with_replacement
 import pytest
 
 from hil.bench import load_bench
+from hil.campaign import load_bench_file
 from hil.cli import main
 from hil.errors import CannotRunError
 from hil.fuzz import Break, Do, fault_pairs, run_program
@@ -95,5 +96,21 @@ def test_the_command_runs_a_part(capsys):
     assert found["programs"] in (1, 2, 3)
     assert f"{found['programs']} programs, 0 of them break an invariant" in captured.err
     assert main(["fuzz", "--pairs", "--shard", "3"]) == 2
-    assert main(["fuzz", "--pairs", "-b", "nc-axes:reference"]) == 2
-    assert "technology object" in capsys.readouterr().err
+    assert "--shard" in capsys.readouterr().err
+
+
+def test_pairs_of_an_nc_axis():
+    """Programs for an NC axis enable, move and reset it by its own blocks, and meet the same pairs."""
+    bench = load_bench_file("nc-axes:reference")
+    programs = fault_pairs(bench, kinds=("drive.fault", "mechanics.friction"))
+    assert {"MC_Power", "MC_Reset"} <= {step.job for step in programs[0].steps if isinstance(step, Do)}
+    moving = next(
+        one
+        for one in programs
+        if "MC_MoveVelocity" in str(one) and {fault.kind for fault in _faults(one)} == {"mechanics.friction"}
+    )
+    outcome = run_program(moving, bench)
+    assert (outcome.violation, outcome.skipped) == (None, [])
+    (drive,) = outcome.trace.components_with("position", "torque")
+    way = outcome.trace[f"{drive}.position"].values
+    assert way.max() - way.min() > 0.02
