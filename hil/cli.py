@@ -836,6 +836,14 @@ def envelope(
             "--cycle", metavar="N", help="Run one branch alone, with one stimulus, and keep its trace."
         ),
     ] = None,
+    guards: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--guard",
+            metavar="[AXIS=]POSITION",
+            help="Position that a machine must not reach, mm or deg, any number of times.",
+        ),
+    ] = None,
     against: Annotated[
         Path | None,
         typer.Option("--against", metavar="DIR", help="Compare with the envelope in this folder."),
@@ -867,6 +875,7 @@ def envelope(
             report=report,
             resume=resume,
             cycle=cycle,
+            guards=list(guards or []),
             against=against,
             parquet=parquet,
             as_json=as_json,

@@ -17,10 +17,12 @@ from hil.envelope import (
     load_envelope,
     move_absolute,
     own_motion,
+    parquet_library,
     stimulus_from_text,
     sweep,
     witness,
 )
+from hil.errors import CannotRunError
 from hil.faults import CATALOGUE
 from reports.html.envelope import write_envelope
 
@@ -40,6 +42,27 @@ def parse_every(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise ConfigurationError("--every", text, "a number of cycles from 1 on, cycle, or auto")
     return int(text)
+
+
+def parse_guards(texts: list[str], axis: str) -> dict[str, list[float]]:
+    """Return the positions of guards by axis, from `[AXIS=]POSITION`.
+
+    Args:
+        texts: As given.
+        axis: Axis of those without one; empty: the first axis of the bench.
+
+    Raises:
+        ConfigurationError: A position is no number.
+
+    """
+    found: dict[str, list[float]] = {}
+    for text in texts:
+        name, _, place = text.rpartition("=")
+        try:
+            found.setdefault(name or axis, []).append(float(place))
+        except ValueError:
+            raise ConfigurationError("--guard", text, "[AXIS=]POSITION, mm or deg") from None
+    return found
 
 
 def all_faults() -> list[str]:
@@ -72,6 +95,7 @@ def envelope_of(
     report: Path,
     resume: bool,
     cycle: int | None,
+    guards: list[str],
     against: Path | None,
     parquet: bool,
     as_json: bool,
@@ -93,6 +117,8 @@ def envelope_of(
             report=report,
             as_json=as_json,
         )
+    if parquet:
+        parquet_library()
     with quiet_stdout(as_json):
         other = None if against is None else load_envelope(against)
         with CaseProgress(1, "branches") as progress:
@@ -107,9 +133,14 @@ def envelope_of(
                 jobs=jobs,
                 cluster=cluster,
                 budget_s=parse_duration("--budget", budget) or None,
+                guards=parse_guards(guards, axis),
                 folder=report,
                 resume=resume,
                 on_branch=lambda done, planned: progress.step(done, f"{planned - done} left"),
+            )
+        if not envelope.branches:
+            raise CannotRunError(
+                f"no branch was run within --budget {budget}: give it more time, with --resume"
             )
         if parquet:
             envelope.save_parquet(report / "envelope.parquet")
@@ -174,6 +205,12 @@ def _tell(envelope: Envelope, changed: list[EnvelopeDifference], page: Path) -> 
                 f"{axis} {measure.replace('_', ' ')}: {worst.value:.4g} {worst.unit} at "
                 f"{worst.branch.time_s:.3f} s (cycle {worst.branch.cycle}), {worst.branch.stimulus}: "
                 f"{worst.branch.reaction}"
+            )
+        for margin in envelope.margins(axis):
+            where = "left to" if margin.left > 0.0 else "beyond"
+            say(
+                f"{axis}: {abs(margin.left):.4g} {envelope.units[axis]} {where} its {margin.limit}: "
+                f"{margin.branch.stimulus} at {margin.branch.time_s:.3f} s"
             )
     if len(moved) < len(envelope.axes):
         say(f"at rest in every branch: {', '.join(axis for axis in envelope.axes if axis not in moved)}")

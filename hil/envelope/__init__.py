@@ -14,7 +14,15 @@ from hil.envelope._branching import Witness
 from hil.envelope._measures import MEASURES, Measure
 from hil.envelope._motion import Motion, motion_of, move_absolute, own_motion
 from hil.envelope._replay import replay_branch
-from hil.envelope._result import Branch, Cliff, Envelope, EnvelopeDifference, load_envelope
+from hil.envelope._result import (
+    Branch,
+    Cliff,
+    Envelope,
+    EnvelopeDifference,
+    Margin,
+    load_envelope,
+    parquet_library,
+)
 from hil.envelope._stimulus import Stimulus, stimulus_from_text
 from hil.envelope._sweep import sweep, witness
 
@@ -26,6 +34,7 @@ __all__ = [
     "Envelope",
     "EnvelopeDifference",
     "Grid",
+    "Margin",
     "Measure",
     "Motion",
     "Stimulus",
@@ -34,6 +43,7 @@ __all__ = [
     "motion_of",
     "move_absolute",
     "own_motion",
+    "parquet_library",
     "replay_branch",
     "stimulus_from_text",
     "sweep",

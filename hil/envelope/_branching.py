@@ -13,6 +13,7 @@ import json
 import os
 import selectors
 import signal
+import time
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -213,7 +214,13 @@ class Branching:
     # -- copies
 
     def run(
-        self, jobs: Iterable[Job], course: Course, processes: int, on_row: Callable[[Row], object]
+        self,
+        jobs: Iterable[Job],
+        course: Course,
+        processes: int,
+        on_row: Callable[[Row], object],
+        *,
+        until: float | None = None,
     ) -> None:
         """Branch off.
 
@@ -222,6 +229,7 @@ class Branching:
             course: The undisturbed motion.
             processes: Copies that run at the same time.
             on_row: Told the row of every job, as the copies end.
+            until: Value of `time.monotonic` after which no further copy is made; None: all are made.
 
         """
         wanted: dict[int, list[int]] = {}
@@ -240,6 +248,8 @@ class Branching:
                 if copies.child is not None:
                     return
                 for number in wanted.get(at, ()):
+                    if until is not None and time.monotonic() >= until:
+                        raise _TimeIsOver
                     if copies.fork((at, number)):
                         self._go_on(bench, copies, (at, number), course)
                         return

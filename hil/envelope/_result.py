@@ -94,6 +94,19 @@ class Worst:
 
 
 @dataclass(frozen=True)
+class Margin:
+    """How near a machine comes to a limit: at the worst instant of the worst stimulus."""
+
+    limit: str
+    """`positive end stop`, `guard at 150`."""
+    position: float
+    """Of the limit, mm or deg."""
+    left: float
+    """From the place at rest to the limit, mm or deg; negative: beyond it."""
+    branch: Branch
+
+
+@dataclass(frozen=True)
 class EnvelopeDifference:
     """The worst value of a measure in two envelopes, by stimulus."""
 
@@ -136,6 +149,8 @@ class Envelope:
     """Bench and motion as they are found again; empty: they cannot be."""
     rest_s: float | None = None
     """Time at rest after which a copy was ended, s; None: all were watched to the end."""
+    guards: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """Positions that the machine of an axis must not reach, by axis, same unit as the end stops."""
 
     def unit(self, measure: str, axis: str) -> str:
         """Return the unit of a measure of an axis."""
@@ -251,6 +266,30 @@ class Envelope:
             for measure in MEASURES
         ]
 
+    def margins(self, axis: str) -> list[Margin]:
+        """Return what is left to each end stop and guard of an axis, where its machine comes nearest to it at
+        rest; a limit above the start of the motion is an upper one.
+
+        Raises:
+            UnknownNameError: There is no such axis.
+
+        """
+        if axis not in self.axes:
+            raise UnknownNameError("envelope", axis, "an axis", self.axes)
+        limits = dict(zip(("negative end stop", "positive end stop"), self.stops.get(axis, ()), strict=False))
+        limits |= {f"guard at {place:g}": place for place in self.guards.get(axis, ())}
+        rests = [(branch.rest[axis], branch) for branch in self.branches if axis in branch.rest]
+        if not rests:
+            return []
+        start = self.positions[axis][0]
+        highest, lowest = max(rests, key=lambda one: one[0]), min(rests, key=lambda one: one[0])
+        return [
+            Margin(name, place, place - highest[0], highest[1])
+            if place > start
+            else Margin(name, place, lowest[0] - place, lowest[1])
+            for name, place in limits.items()
+        ]
+
     def _worst_values(self) -> dict[tuple[str, str, str], float]:
         """Return the greatest value by stimulus, axis and measure, in one pass over the branches."""
         found: dict[tuple[str, str, str], float] = {}
@@ -284,6 +323,21 @@ class Envelope:
             "units": dict(self.units),
             "positions": {axis: list(values) for axis, values in self.positions.items()},
             "stops": {axis: list(values) for axis, values in self.stops.items()},
+            "guards": {axis: list(values) for axis, values in self.guards.items()},
+            "margins": {
+                axis: [
+                    {
+                        "limit": one.limit,
+                        "position": one.position,
+                        "left": one.left,
+                        "stimulus": one.branch.stimulus,
+                        "cycle": one.branch.cycle,
+                        "time_s": one.branch.time_s,
+                    }
+                    for one in self.margins(axis)
+                ]
+                for axis in self.axes
+            },
             "branches": [one.to_json() for one in self.branches],
             "worst": {
                 axis: [
@@ -328,14 +382,7 @@ class Envelope:
             CannotRunError: pyarrow is not installed.
 
         """
-        try:
-            table: Any = importlib.import_module("pyarrow")
-            parquet: Any = importlib.import_module("pyarrow.parquet")
-        except ModuleNotFoundError as error:
-            raise CannotRunError(
-                f"a Parquet file needs pyarrow, which is not installed ({error}): pip install "
-                "'motion-hil[parquet]'"
-            ) from error
+        table, parquet = parquet_library()
         names, rows = self.rows()
         file = Path(path)
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -351,6 +398,22 @@ class Envelope:
         file = place / RESULT_FILE
         file.write_text(json.dumps(self.to_json(), sort_keys=True, indent=1) + "\n", encoding="utf-8")
         return file
+
+
+def parquet_library() -> tuple[Any, Any]:
+    """Return `pyarrow` and `pyarrow.parquet`.
+
+    Raises:
+        CannotRunError: They are not installed.
+
+    """
+    try:
+        return importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")
+    except ModuleNotFoundError as error:
+        raise CannotRunError(
+            f"a Parquet file needs pyarrow, which is not installed ({error}): pip install "
+            "'motion-hil[parquet]'"
+        ) from error
 
 
 def _known(measure: str) -> Measure:
@@ -380,6 +443,7 @@ def load_envelope(path: str | Path) -> Envelope:
             seed=content["seed"],
             watch_s=content["watch_s"],
             rest_s=content.get("rest_s"),
+            guards={axis: tuple(places) for axis, places in content.get("guards", {}).items()},
             start_s=content["start_s"],
             cycle_s=content["cycle_s"],
             cycles=content["cycles"],

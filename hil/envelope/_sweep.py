@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
 
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import ConfigurationError, UnknownNameError
 from hil._workers import number_of_processes
 from hil.campaign import load_bench_file
 from hil.envelope._adaptive import Grid
@@ -45,6 +45,7 @@ def sweep(
     jobs: int = 0,
     cluster: str = "",
     budget_s: float | None = None,
+    guards: Mapping[str, Sequence[float]] | None = None,
     folder: str | Path | None = None,
     resume: bool = False,
     name: str = "",
@@ -67,7 +68,10 @@ def sweep(
         jobs: Copies at the same time; 0: one for every processor. The result does not depend on it.
         cluster: Address of a dask scheduler, on whose workers the branches run; bench and motion are found
             there by the same names as here. Empty: on this machine.
-        budget_s: Wall time after which no further part of a pass is begun; None: no limit.
+        budget_s: Wall time after which no further branch is begun, on a cluster no further part of 256;
+            None: no limit.
+        guards: Positions that the machine of an axis must not reach, by axis (empty: the first one), mm or
+            deg: a fence, a fixture. `Envelope.margins` has what is left to them and to the end stops.
         folder: Keep what is done here as it is done, and the result; None: in memory only.
         resume: Go on with the branches in the folder.
         name: Name of the motion in the result; empty: that of the function.
@@ -79,8 +83,8 @@ def sweep(
     Raises:
         ConfigurationError: A stimulus cannot be read, there is none, or a time is no time.
         NotBranchableError: The bench is not in virtual time, or the system cannot fork.
-        CannotRunError: The motion does not work undisturbed, the folder has another envelope, or there is no
-            such cluster.
+        CannotRunError: The motion does not work undisturbed, the bench can take none of the stimuli, the
+            folder has another envelope, or there is no such cluster.
 
     """
     if not watch_s > 0.0:
@@ -105,6 +109,12 @@ def sweep(
         raise CannotRunError(f"{chosen.name} does not work undisturbed: {course.problem}")
     if not course.cycles:
         raise CannotRunError(f"{chosen.name} takes no time: there is nothing to branch off")
+    places: dict[str, tuple[float, ...]] = {}
+    for axis, some in (guards or {}).items():
+        name_of_axis = axis or next(iter(course.ranges), "")
+        if name_of_axis not in course.ranges:
+            raise UnknownNameError("guards", axis, "an axis with an emulated machine", list(course.ranges))
+        places[name_of_axis] = (*places.get(name_of_axis, ()), *map(float, some))
     refused = branching.refusals()
     texts = [str(one) for one in given]
     facts = {
@@ -119,8 +129,13 @@ def sweep(
         "cycles": course.cycles,
     }
 
+    if len(refused) == len(given):
+        reasons = "; ".join(f"{texts[number]}: {reason}" for number, reason in refused.items())
+        raise CannotRunError(f"the bench can take none of the stimuli: {reasons}")
+    until = None if budget_s is None else time.monotonic() + budget_s
+
     def here(wanted: Sequence[Job], on_row: Callable[[Row], object]) -> None:
-        branching.run(wanted, course, number_of_processes(jobs), on_row)
+        branching.run(wanted, course, number_of_processes(jobs), on_row, until=until)
 
     def there(wanted: Sequence[Job], on_row: Callable[[Row], object]) -> None:
         run_on_cluster(cluster, part, wanted, on_row)
@@ -137,7 +152,8 @@ def sweep(
             journal,
             grid=Grid(every),
             numbers=[number for number in range(len(given)) if number not in refused],
-            until=None if budget_s is None else time.monotonic() + budget_s,
+            until=until,
+            in_parts=bool(cluster) and until is not None,
             on_branch=on_branch,
             texts=texts,
         )
@@ -160,6 +176,7 @@ def sweep(
         units=course.units,
         positions=course.positions,
         stops=course.stops,
+        guards=places,
         branches=tuple(
             _branch(rows[job], texts, course) for job in sorted(rows, key=lambda job: (job[1], job[0]))
         ),
@@ -205,6 +222,7 @@ def _passes(
     grid: Grid,
     numbers: Sequence[int],
     until: float | None,
+    in_parts: bool,
     on_branch: OnBranch | None,
     texts: Sequence[str],
 ) -> int:
@@ -214,7 +232,7 @@ def _passes(
         open_jobs = sorted(planned - journal.rows.keys())
         if open_jobs and until is not None and time.monotonic() >= until:
             return len(open_jobs)
-        for part in _parts(open_jobs, whole=until is None):
+        for part in _parts(open_jobs, whole=not in_parts):
             if until is not None and time.monotonic() >= until:
                 break
 

@@ -109,7 +109,7 @@ def _programs(first: Sequence[Fault], second: Sequence[Fault], frame: _Frame) ->
         return
     for one, other, turned, moving in _rows(len(first), len(second)):
         pair = first[one], second[other]
-        yield _program(*(reversed(pair) if turned else pair), frame, moving=moving)
+        yield _program(frame, *(reversed(pair) if turned else pair), moving=moving)
 
 
 @cache
@@ -127,7 +127,7 @@ def _rows(first: int, second: int) -> tuple[tuple[int, int, bool, bool], ...]:
     return tuple(rows)
 
 
-def _program(one: Fault, other: Fault, frame: _Frame, *, moving: bool) -> Program:
+def _program(frame: _Frame, one: Fault, other: Fault, *, moving: bool) -> Program:
     motion: tuple[Step, ...] = (frame.motion, Wait(0.2)) if moving else ()
     return Program(
         (

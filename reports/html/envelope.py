@@ -52,6 +52,7 @@ def write_envelope(
                 "reach": Markup(_reach(content, name, script=number == 0)),  # noqa: S704 - made by plotly
                 "heat": Markup(_heat(content, name, named)),  # noqa: S704 - made by plotly
                 "measures": [f"{one}, {kind}" for one, kind in named],
+                "margins": [_margin(one, unit) for one in content["margins"][name]],
                 "worst": [_worst(one, name, named) for one in content["worst"][name]],
             }
         )
@@ -147,10 +148,12 @@ def _reach(content: Content, axis: str, *, script: bool) -> str:
             hovertemplate="%{text}<br>%{y:.4g} " + unit + "<extra></extra>",
         )
     figure.add_scatter(x=times, y=positions, mode="lines", name="undisturbed motion")
-    for place, side in zip(content["stops"].get(axis, ()), ("negative", "positive"), strict=False):
-        if low.min() - 50.0 < place < high.max() + 50.0:
+    for limit in content["margins"][axis]:
+        if limit["limit"].startswith("guard") or low.min() - 50.0 < limit["position"] < high.max() + 50.0:
             figure.add_hline(
-                y=place, line={"dash": "dash", "color": "#c81e2b"}, annotation_text=f"{side} end stop"
+                y=limit["position"],
+                line={"dash": "dash", "color": "#c81e2b"},
+                annotation_text=limit["limit"],
             )
     _look(figure, 380)
     figure.update_xaxes(title_text="instant of the stimulus, s")
@@ -204,6 +207,17 @@ def _worst(branch: Content, axis: str, measures: Sequence[tuple[str, str]]) -> d
         ],
         "reaction": branch["reaction"],
         "token": branch["token"],
+    }
+
+
+def _margin(margin: Content, unit: str) -> dict[str, object]:
+    return {
+        "limit": margin["limit"],
+        "position": f"{margin['position']:.4g} {unit}",
+        "left": f"{margin['left']:.4g} {unit}",
+        "beyond": margin["left"] <= 0.0,
+        "stimulus": margin["stimulus"],
+        "at": f"cycle {margin['cycle']}, {margin['time_s']:.3f} s",
     }
 
 

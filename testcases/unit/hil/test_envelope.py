@@ -170,10 +170,24 @@ def test_what_cannot_be_swept_is_refused():
 @pytest.mark.exhaustive
 def test_a_fault_that_the_bench_cannot_have_is_listed():
     """What a bench cannot inject is no branch; the reason is in the result."""
-    found = envelope("modbus.crc", "operator.halt", every=1000)
+    found = envelope("modbus.crc", "operator.halt", every=1000, guards={"": [102.0], "axis1": [600.0]})
     assert found.stimuli == ("operator.halt",)
     assert list(found.refused) == ["modbus.crc"]
     assert "Modbus" in found.refused["modbus.crc"]
+    left = {one.limit: one.left for one in found.margins("axis1")}
+    highest = max(branch.rest["axis1"] for branch in found.branches)
+    assert left == {
+        "negative end stop": min(branch.rest["axis1"] for branch in found.branches) + 600.0,
+        "positive end stop": 600.0 - highest,
+        "guard at 102": 102.0 - highest,
+        "guard at 600": 600.0 - highest,
+    }
+    assert highest == pytest.approx(100.0, abs=0.01)
+    with pytest.raises(CannotRunError, match=r"can take none of the stimuli: modbus\.crc"):
+        envelope("modbus.crc")
+    with pytest.raises(ConfigurationError, match="'axis7' is not an axis"):
+        envelope("operator.halt", guards={"axis7": [1.0]})
+    assert envelope("operator.halt", budget_s=1e-9).skipped == 4
 
 
 @pytest.mark.exhaustive
@@ -222,8 +236,11 @@ def test_command(tmp_path, monkeypatch, capsys):
     alone = json.loads(capsys.readouterr().out)
     (same,) = [b for b in load_envelope("one").branches if b.cycle == 12]
     assert alone["digest"] == same.digest
-    assert main([*common[:-1], "operator.halt", "--every", "12", "--report", "two", "--against", "one"]) == 0
-    assert "operator.halt, axis1 stop distance: none -> " in capsys.readouterr().err
+    other = [*common[:-1], "operator.halt", "--every", "12", "--report", "two", "--against", "one"]
+    assert main([*other, "--guard", "3"]) == 0
+    told = capsys.readouterr().err
+    assert "operator.halt, axis1 stop distance: none -> " in told
+    assert "mm beyond its guard at 3: operator.halt at " in told
     assert "Compared with reference axis, ours.py:motion" in (tmp_path / "two" / "envelope.html").read_text()
     assert main(["replay", worst["token"], "--report", "again", "--json"]) == 0
     again = json.loads(capsys.readouterr().out)
