@@ -95,7 +95,7 @@ def _position_sent(drive: DriveView) -> Judged | None:
 POSITION_SENT: Final = Rule(
     name="position on the bus",
     says="the position that a drive sends is the count of its own encoder",
-    requirements=("C402-122", "PD-226"),
+    requirements=("C402-198", "PD-171"),
     tolerance="the way from the record to SYNC, half a millisecond, and two increments",
     judge=_position_sent,
     excused_by=("encoder.", "frame.", "telegram.", "can.", "drive.boot", "drive.clock"),
@@ -127,7 +127,7 @@ def _speed_sent(drive: DriveView) -> Judged | None:
 SPEED_SENT: Final = Rule(
     name="speed on the bus",
     says="the speed that a drive sends is that of its motor",
-    requirements=("C402-122",),
+    requirements=("C402-206", "PD-035"),
     tolerance="the change of the speed in the cycles around, 1 % and 5 rpm for the resolution of the encoder",
     judge=_speed_sent,
     excused_by=("encoder.", "frame.", "telegram.", "can.", "mechanics.", "drive.boot"),
@@ -159,7 +159,7 @@ def _torque_sent(drive: DriveView) -> Judged | None:
 TORQUE_SENT: Final = Rule(
     name="torque on the bus",
     says="the torque that a drive sends is that of its motor",
-    requirements=("C402-122",),
+    requirements=("C402-215",),
     tolerance="the change of the torque in the cycles around and 5 % of the rated torque",
     judge=_torque_sent,
     excused_by=("encoder.", "frame.", "telegram.", "can.", "mechanics.", "drive.boot"),
@@ -249,7 +249,7 @@ def _speed_demanded(drive: DriveView) -> Judged | None:
 SPEED_DEMANDED: Final = Rule(
     name="speed setpoint",
     says="the drive follows the speed setpoint that was on the bus before SYNC",
-    requirements=("C402-201",),
+    requirements=("C402-101",),
     tolerance="resolution of the setpoint and 2 % of its last change",
     judge=_speed_demanded,
     excused_by=("frame.", "telegram.", "can.", "drive.", "safety.", "controller."),
@@ -291,7 +291,7 @@ def _speed_given(axis: AxisView) -> Judged | None:
 SPEED_GIVEN: Final = Rule(
     name="speed setpoint on the bus",
     says="the speed setpoint that the drive gets is the output of its own axis",
-    requirements=("CTL-037",),
+    requirements=("CTL-038",),
     tolerance="half a step of the setpoint",
     judge=_speed_given,
     excused_by=("frame.", "telegram.", "can.", "controller.", "drive.boot"),
@@ -320,7 +320,7 @@ def _speed_taken(axis: AxisView) -> Judged | None:
 SPEED_TAKEN: Final = Rule(
     name="actual speed",
     says="the actual speed of the axis is the one that its own drive has sent last",
-    requirements=("CFG-336",),
+    requirements=("CFG-336", "C402-206"),
     tolerance="rounding",
     judge=_speed_taken,
     excused_by=("telegram.", "frame.", "can.", "controller.", "drive.emcy_storm"),

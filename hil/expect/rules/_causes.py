@@ -316,7 +316,7 @@ def _first_disturbance(view: AxisView | DriveView) -> float:
 UNFOUNDED_ALARMS: Final = Rule(
     name="alarms of devices",
     says="no alarm about drive, encoder, station or bus before a fault or a change of the controller",
-    requirements=("TA-020", "STP-015"),
+    requirements=("TA-020",),
     tolerance="none",
     judge=_unfounded_alarms,
 )
@@ -368,7 +368,7 @@ def _taken_over_s(drive: DriveView) -> float:
 UNFOUNDED_EVENTS: Final = Rule(
     name="faults of the drive",
     says="a drive that an axis leads trips, errs or is lost only after a fault or a change of the controller",
-    requirements=("C402-026", "PD-133"),
+    requirements=("C402-014", "PD-133"),
     tolerance="none",
     judge=_unfounded_events,
 )

@@ -125,7 +125,7 @@ def _encoder(drive: DriveView) -> Judged | None:
 ENCODER: Final = Rule(
     name="encoder",
     says="the encoder counts the way of the shaft",
-    requirements=("STP-550", "C402-122"),
+    requirements=("STP-550",),
     tolerance="two increments",
     judge=_encoder,
     excused_by=("mechanics.", "encoder.", "pto.", "drive.boot"),
@@ -187,7 +187,7 @@ def _settled(drive: DriveView, change: Numbers) -> Flags:
 STOP_OF_DRIVE: Final = Rule(
     name="ramp of a stop of the drive",
     says="a drive that stops by itself brakes by the ramp of the bench file: OFF1, OFF3 or quick stop",
-    requirements=("STP-311", "C402-011", "PD-116"),
+    requirements=("STP-311", "C402-012", "PD-116"),
     tolerance="1 %; in modes with position control of the drive only where its correction has ended",
     judge=_stop_of_drive,
     excused_by=("drive.", "safety.", "controller."),

@@ -386,7 +386,7 @@ def _emcy_register(drive: DriveView) -> Judged | None:
 EMCY_REGISTER: Final = Rule(
     name="error register",
     says="1001h has the bits of all active errors, and is 0 without one",
-    requirements=("C301-070",),
+    requirements=("C301-112",),
     tolerance="none",
     judge=_emcy_register,
     excused_by=("drive.emcy_storm",),
@@ -424,7 +424,7 @@ def _emcy_frames(drive: DriveView) -> Judged | None:
 EMCY_FRAMES: Final = Rule(
     name="EMCY",
     says="every EMCY on the bus is an error that the node has raised or taken back, with its register",
-    requirements=("C301-066",),
+    requirements=("C301-108", "C301-109"),
     tolerance="none",
     judge=_emcy_frames,
     excused_by=("drive.emcy_storm", "frame.", "can."),

@@ -191,7 +191,7 @@ def _actual_velocity(axis: AxisView) -> Judged | None:
 ACTUAL_VELOCITY: Final = Rule(
     name="actual velocity",
     says="the actual velocity is the difference of two actual positions by the cycle",
-    requirements=("CFG-336",),
+    requirements=("CFG-335",),
     tolerance="none but rounding; without the velocity of the telegram, compensation of backlash, and on no "
     "virtual axis",
     judge=_actual_velocity,
@@ -353,7 +353,7 @@ def _own_encoder(axis: AxisView) -> Judged | None:
 OWN_ENCODER: Final = Rule(
     name="actual position",
     says="the actual position moves as the encoder count that its own drive has sent, by the bench file",
-    requirements=("CFG-336", "LIM-098"),
+    requirements=("C402-198", "LIM-098"),
     tolerance="none but rounding: what is sent until the cycle counts in it",
     judge=_own_encoder,
     excused_by=("controller.", "encoder.", "telegram."),

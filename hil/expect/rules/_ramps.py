@@ -139,7 +139,7 @@ def _job_dynamics(axis: AxisView) -> Judged | None:
 JOB_DYNAMICS: Final = Rule(
     name="acceleration of jobs",
     says="a job accelerates with its acceleration and brakes with its deceleration at most",
-    requirements=("MC-091", "MC-092", "STP-082"),
+    requirements=("MC-093", "STP-082", "STP-084"),
     tolerance="rounding; the acceleration of the motion before, as far as the jerk lets it go on",
     judge=_job_dynamics,
     excused_by=("controller.",),
@@ -181,7 +181,7 @@ def _plateaus(axis: AxisView) -> Judged | None:
 PLATEAUS: Final = Rule(
     name="ramps of jobs",
     says="what a job keeps is its acceleration while it gets faster, and its deceleration while it brakes",
-    requirements=("MC-091", "MC-092", "STP-082"),
+    requirements=("MC-093", "STP-082", "STP-084"),
     tolerance="rounding; judged from the third cycle with the same value on",
     judge=_plateaus,
     excused_by=("controller.",),
@@ -375,7 +375,7 @@ def _ramp_values(
 STOP_RAMPS: Final = Rule(
     name="deceleration of stops",
     says="a stop brakes with the value of its mode: the emergency deceleration, the greatest one, or its own",
-    requirements=("STP-239", "STP-241", "STP-386", "STP-387", "STP-388", "STP-401"),
+    requirements=("STP-239", "STP-241", "STP-386", "STP-387", "STP-388"),
     tolerance="rounding; judged from the third cycle with the same value on",
     judge=_stop_ramps,
     excused_by=("controller.",),
