@@ -68,6 +68,7 @@ SHIPPED: Final = (
     ShippedCampaign("canopen_device", seeding=("own",)),
     ShippedCampaign("can_bus", seeding=("own",)),
     ShippedCampaign("can_adapter", seeding=("own",)),
+    ShippedCampaign("ads_device", seeding=("own",)),
     ShippedCampaign("bus_log", seeding=("own",)),
     ShippedCampaign("node_guarding", seeding=("own",)),
     ShippedCampaign("nc_axes", seeding=("own",)),

@@ -17,6 +17,7 @@ import pytest
 from hil.campaign import SHIPPED, CaseSettings, execute_case, load_bench_file, requirements_here
 from reports.model import Verdict
 from testcases.campaigns import (
+    ads_device,
     axis_faults,
     axis_motion,
     axis_signals,
@@ -209,7 +210,7 @@ def bench_file(name):
         *cases(WITH_ENCODERS.format("PROFIDRIVE"), "profidrive", [external_encoder.CAMPAIGN], sampled=True),
         *some(CAN_BUS, "cia402", [can_bus.CAMPAIGN, canopen_device.CAMPAIGN, can_adapter.CAMPAIGN]),
         *some(CAN_BUS, "cia402", [modbus_stations.CAMPAIGN]),
-        *some(CAN_BUS, "profidrive", [encoder_states.CAMPAIGN, pulse_module.CAMPAIGN]),
+        *some(CAN_BUS, "profidrive", [encoder_states.CAMPAIGN, pulse_module.CAMPAIGN, ads_device.CAMPAIGN]),
         *some(f"{GUARDED}:BENCH", "profidrive", [profidrive_safety.CAMPAIGN]),
         *some(SPEED, "profidrive", [profidrive_safety.FUNCTIONS]),
         *some("testcases.campaigns.cia402_details:BENCH", "cia402", [cia402_details.CAMPAIGN]),

@@ -16,11 +16,14 @@ import canopen
 
 from fieldbus.can import CanFrame
 from fieldbus.canopen import CanopenSlave, NmtCommand, PumpedNetwork, load_dictionary, virtual_time
+from fieldbus.canopen.eds_export import device_eds
+from fieldbus.errors import ConfigurationError
 from hil.campaign import Campaign, CaseContext
 from testcases.campaigns._led_servo import Node
 from testcases.campaigns._small_drive import eds_text
 from testcases.campaigns.can_bus import Segment
 from testcases.campaigns.canopen_services import LOAD, SAVE, clauses
+from testcases.campaigns.support import equal
 
 CAMPAIGN: Final = Campaign("canopen device", tags=("canopen",), bench="testcases.campaigns.can_bus:BENCH")
 NODE: Final = 33
@@ -862,3 +865,116 @@ def library(ctx: CaseContext) -> None:
         node.nmt.state = "PRE-OPERATIONAL"
         network.lss.send_switch_state_selective(0x1234, 0x5678, 0x10000, 42)
         device.equal("node-ID by LSS", network.lss.inquire_node_id(), NODE, "C301-162")
+
+
+@CAMPAIGN.case("storage", requirements=("C301-018", "C301-140", "C301-141", "C301-158"))
+def storage(ctx: CaseContext) -> None:
+    """What was saved is in a file and in a new device on it, values of all types and the node-ID by LSS; a
+    restore that was ordered is carried out by the next start; a damaged file is refused.
+    """
+    saved: dict[tuple[int, int], object] = {
+        (0x6083, 0): 4711,
+        (0x607D, 1): -77,
+        (0x2001, 0): "name of the axis",
+        (0x200B, 0): b"\x00\xff\x10",
+        (0x2007, 0): -(1 << 63),
+        (0x2008, 0): 0.25,
+        (0x1017, 0): 100,
+    }
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "memory.json"
+
+        def start() -> tuple[Segment, CanopenSlave]:
+            segment = Segment(ctx, "a")
+            device = CanopenSlave(
+                segment.scheduler, segment.medium, dictionary(), NODE, name="small", storage=path
+            )
+            device.power_on()
+            segment.run_us(5_000)
+            return segment, device
+
+        def ask(segment: Segment, can_id: int, data: bytes) -> list[bytes]:
+            segment.received["a"].clear()
+            segment["a"].send(CanFrame(can_id, data.ljust(8, b"\0")))
+            segment.run_us(5_000)
+            return [
+                frame.data for _, frame in segment.received["a"] if frame.can_id in (SERVER, 0x7E4, 0x589)
+            ]
+
+        save, load = bytes.fromhex("2310100173617665"), bytes.fromhex("231110016C6F6164")
+        segment, device = start()
+        for (index, sub), value in saved.items():
+            device.set(index, sub, value)
+        segment.is_so("file before saving", path.exists(), False)
+        segment.is_so("answer", ask(segment, CLIENT, save), [bytes.fromhex("6010100100000000")], "C301-140")
+        device.set(0x6083, 0, 4712)
+        segment, device = start()
+        for (index, sub), value in saved.items():
+            segment.is_so(f"{index:04X}h:{sub}", device.get(index, sub), value, "C301-140")
+        ask(segment, CLIENT, load)
+        segment.is_so("6083h before the restart", device.get(0x6083), 4711, "C301-141")
+        segment, device = start()
+        segment.is_so("6083h, 1017h", (device.get(0x6083), device.get(0x1017)), (1000, 0), "C301-141")
+        for service, answer in ((b"\x04\1", []), (b"\x11\x09", [b"\x11\0"]), (b"\x17", [b"\x17\0"])):
+            wanted = [one.ljust(8, b"\0") for one in answer]
+            segment.is_so(f"answer to LSS {service.hex()}", ask(segment, 0x7E5, service), wanted, "C301-158")
+        segment, device = start()
+        found = ask(segment, 0x609, bytes.fromhex("4000100000000000"))
+        segment.is_so("answer of node 9", found, [bytes.fromhex("4300100092010200")], "C301-158")
+        path.write_text(path.read_text("utf-8").replace('"node_id": 9', '"node_id": 8'), "utf-8")
+        refused = 0
+        try:
+            start()
+        except ConfigurationError as error:
+            refused = int("damaged" in str(error))
+        equal(ctx, "a damaged file is refused", refused, 1)
+
+
+@CAMPAIGN.product(
+    "eds/{kind}",
+    parameters=[{"kind": "eds", "dcf": False}, {"kind": "dcf", "dcf": True}],
+    title="the device as a file: {kind}",
+)
+def as_file(ctx: CaseContext, kind: str, dcf: bool) -> None:
+    """The file that is made of a device makes the same device: entries, types, access, defaults, limits; a
+    DCF has its values and its node-ID too.
+    """
+    device = Device(ctx)
+    for index, sub, value in ((0x6083, 0, 4711), (0x607D, 1, -77), (0x1017, 0, 100)):
+        device.slave.set(index, sub, value)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"small.{kind}"
+        path.write_text(device_eds(device.slave, dcf=dcf), encoding="utf-8")
+        again = load_dictionary(path)
+    segment = Segment(ctx, "a")
+    other = CanopenSlave(segment.scheduler, segment.medium, again, NODE, name="again")
+    first, second = device.slave.store.entries, other.store.entries
+    device.is_so("entries", sorted(second) == sorted(first), True)
+    for key, entry in first.items():
+        twin = second[key]
+        facts = [
+            (one.bits, one.signed, one.maps_receive, one.maps_transmit, one.low, one.high)
+            for one in (entry, twin)
+        ]
+        device.is_so(f"facts of {key >> 8:04X}h:{key & 0xFF}", facts[1], facts[0])
+    wanted = (4711, -77, 100) if dcf else (1000, -(1 << 31), 0)
+    other.power_on()
+    segment.run_us(5_000)
+    found = (other.get(0x6083), other.get(0x607D, 1), other.get(0x1017))
+    device.is_so("values of the new device", found, wanted)
+
+
+@CAMPAIGN.case("multiplex-source", requirements=("C301-051",))
+def multiplex_source(ctx: CaseContext) -> None:
+    """A source PDO is nothing to a node without a list that wants it."""
+    device = Device(ctx)
+    device.number(0x1400, 1, INVALID | 0x200 + NODE, 4)
+    device.number(0x1400, 2, 254, 1)
+    device.number(0x1600, 0, 0xFE, 1)
+    device.number(0x1400, 1, 0x200 + NODE, 4)
+    device.nmt(NmtCommand.START)
+    device.taken(EMCY)
+    device.send(0x200 + NODE, pack("<BHBI", 50, 0x60FF, 0, 1234))
+    ctx.run_for(0.005)
+    device.is_so("60FFh", device.slave.get(0x60FF), 0, "C301-051")
+    device.is_so("EMCYs", device.emcys(), [])

@@ -5,7 +5,11 @@ limits and exceptions, gaps within frames, identification, diagnostics, and an I
 from __future__ import annotations
 
 import math
+import struct
 from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from emulators.io import (
@@ -25,15 +29,20 @@ from fieldbus.modbus import (
     RegisterMap,
     Request,
     RtuClient,
+    RtuDecoder,
     RtuStation,
     SerialFormat,
     SerialLine,
     TcpClient,
+    TcpDecoder,
     TcpGateway,
     TcpLink,
     TcpStation,
     rtu_frame,
+    tcp_frame,
 )
+from fieldbus.modbus.decode import request_text, response_text
+from fieldbus.modbus.export import write_serial_capture, write_tcp_capture
 from hil.campaign import Campaign, CaseContext
 from testcases.campaigns.support import equal
 
@@ -660,3 +669,122 @@ def faults(ctx: CaseContext) -> None:
     rig.same("wire of output 0 after the exchange", rig.levels[-1:], [True])
     station.swap("output", 0, 1)
     rig.same("wire of output 0 right again", rig.levels[-1:], [False])
+
+
+# -- logs ---------------------------------------------------------------------------------------------------
+
+
+@CAMPAIGN.case("decoded", requirements=("MODB-038",))
+def decoded(ctx: CaseContext) -> None:
+    """Frames of a line and of a connection in words: requests, responses, broadcasts, exceptions, what is
+    broken and what nobody has asked for.
+    """
+    line = RtuDecoder()
+    read, answer = Request(3, 10, 1).encode(), bytes.fromhex("03 02 100A")
+    for frame, begins, contains in (
+        (rtu_frame(5, read), "unit 5 request ", "03"),
+        (rtu_frame(5, answer), "unit 5 response ", ""),
+        (rtu_frame(5, answer), "unit 5 ", "not understood"),
+        (rtu_frame(5, read), "unit 5 request ", ""),
+        (rtu_frame(7, read), "unit 7 request ", ""),
+        (rtu_frame(7, b"\x83\x02"), "unit 7 response ", ""),
+        (rtu_frame(0, bytes.fromhex("06 000A 1234")), "broadcast request ", ""),
+        (rtu_frame(5, read)[:-1] + b"\0", "broken frame: ", "05 03"),
+        (rtu_frame(5, b"\x64\1\2"), "unit 5 ", "not understood"),
+    ):
+        text = line.text(frame)
+        fits = text.startswith(begins) and contains in text
+        equal(ctx, f"{frame.hex(' ')} is {text!r}", fits, 1, "MODB-006")
+    stream = TcpDecoder()
+    request, response = tcp_frame(9, 5, read), tcp_frame(9, 5, answer)
+    for data, server, begins in (
+        (request[:5], False, []),
+        (request[5:] + request, False, ["transaction 9 unit 5 request "] * 2),
+        (response, True, ["transaction 9 unit 5 response "]),
+        (response, True, ["transaction 9 unit 5 unsolicited response: "]),
+        (tcp_frame(4, 5, read), False, ["transaction 4 unit 5 request "]),
+        (tcp_frame(4, 5, b"\x03\x04\0\0\0\0"), True, ["transaction 4 unit 5 response that does not fit: "]),
+        (b"\0\1\0\7\0\6" + bytes(6), False, ["wrong header"]),
+        (b"\0\1\0\7\0\6" + bytes(6), False, []),
+    ):
+        texts = stream.text(data, from_server=server)
+        fits = len(texts) == len(begins) and all(map(str.startswith, texts, begins))
+        equal(ctx, f"{data.hex(' ')} is {texts}", fits, 1, "MODB-038")
+    same(ctx, "the words of a request", request_text(read) == f"request {Request(3, 10, 1)}", True)
+    for asked, pdu, begins_with in (
+        (read, answer, "response "),
+        (read, b"\x83\2", "response "),
+        (read, b"\x04\2\0\0", "response that does not fit: "),
+        (b"\x64", answer, "unsolicited response: "),
+    ):
+        text = response_text(asked, pdu)
+        equal(ctx, f"response {pdu.hex()} is {text!r}", text.startswith(begins_with), 1)
+
+
+def packets(path: Path) -> tuple[int, list[tuple[int, bytes]]]:
+    """Return link type, and time in ns and bytes of the packets of a pcap file."""
+    data = path.read_bytes()
+    magic, _, _, _, _, _, link_type = struct.unpack_from("<IHHiIII", data)
+    found, at = [], 24
+    while at < len(data) and magic == 0xA1B23C4D:
+        seconds, rest, size, _ = struct.unpack_from("<IIII", data, at)
+        found.append((seconds * 1_000_000_000 + rest, data[at + 16 : at + 16 + size]))
+        at += 16 + size
+    return link_type, found
+
+
+def total(data: bytes) -> int:
+    """Return the sum of words with the carry added, FFFFh where the checksum is right."""
+    number = sum(struct.unpack(f">{len(data) // 2}H", data))
+    while number > 0xFFFF:
+        number = (number & 0xFFFF) + (number >> 16)
+    return number
+
+
+@CAMPAIGN.case("captured", requirements=("MODB-036",))
+def captured(ctx: CaseContext) -> None:
+    """Logs of a connection and of a line as capture files: addresses, ports, sequence numbers, checksums,
+    times; what is in them is what passed.
+    """
+    scheduler = scheduler_of(ctx)
+    link, line = TcpLink(scheduler), SerialLine(scheduler)
+    TcpStation(scheduler, link, device())
+    RtuStation(scheduler, line, device())
+    client = TcpClient(scheduler, lambda handler: link.connect("client", handler), retries=0)
+    master = RtuClient(scheduler, line)
+    for register in (10, 9):
+        client.submit(Request(3, register, 1), UNIT)
+        master.submit(Request(3, register, 1), UNIT)
+        ctx.run_for(0.2)
+    client.close()
+    ctx.run_for(0.1)
+    with TemporaryDirectory() as folder:
+        connection = packets(write_tcp_capture(link.log, Path(folder) / "tcp.pcap"))
+        serial = packets(write_serial_capture(line.log, Path(folder) / "line.pcap"))
+    equal(ctx, "link type of a connection", connection[0], 101)
+    expected = {True: 0, False: 0}
+    flags_seen, data_seen = [], b""
+    for _, packet in connection[1]:
+        equal(ctx, "checksum of the outer head", total(packet[:20]), 0xFFFF)
+        pseudo = packet[12:20] + struct.pack(">BBH", 0, 6, len(packet) - 20)
+        inner = packet[20:] + b"\0" * (len(packet) % 2)
+        equal(ctx, "checksum of the segment", total(pseudo + inner), 0xFFFF)
+        source, target, sequence, acknowledged, _, flags = struct.unpack_from(">HHIIBB", packet, 20)
+        server = source == 502
+        equal(ctx, "one end is port 502", (source == 502) + (target == 502), 1, "MODB-036")
+        equal(ctx, "sequence number", sequence, expected[server])
+        expected[server] += len(packet) - 40 + bool(flags & 3)
+        if flags & 0x10:
+            equal(ctx, "acknowledged", acknowledged, expected[not server])
+        flags_seen.append(flags)
+        data_seen += packet[40:]
+    same(ctx, "handshake", flags_seen[:3], [0x02, 0x12, 0x10])
+    same(ctx, "data", flags_seen[3:7], [0x18] * 4)
+    wanted = b"".join(tcp_frame(1, UNIT, bytes.fromhex(pdu)) for pdu in ("03 000A 0001", "03 02 100A"))
+    same(ctx, "first exchange", data_seen[: len(wanted)], wanted, "MODB-036")
+    equal(ctx, "link type of a line", serial[0], 147)
+    same(ctx, "frames of the line", [data for _, data in serial[1]], [frame.data for frame in line.log])
+    gaps = [later - earlier for (earlier, _), (later, _) in pairwise(serial[1])]
+    logged = [later.start_ns - earlier.start_ns for earlier, later in pairwise(line.log)]
+    ends = [later.end_ns - earlier.end_ns for earlier, later in pairwise(line.log)]
+    equal(ctx, "times of the line", gaps in (logged, ends), 1)

@@ -374,9 +374,11 @@ def brake_test(ctx: CaseContext, way: str) -> None:
 def time_to(ctx: CaseContext, led: Led, rpm: float, **words: int) -> float:
     """Give a speed and return how long the motor takes to it, s."""
     begun = ctx.now_s
-    rising = led.speed < rpm
+    core = ctx.bench.drive(DRIVE).core
+    rising = core.speed_rpm < rpm
     led.turn(rpm, 0.0, **words)
-    ctx.wait_until(lambda: led.speed >= rpm - 0.6 if rising else led.speed <= rpm + 0.6, 20.0, f"{rpm:g} rpm")
+    there = (lambda: core.speed_rpm >= rpm - 0.6) if rising else (lambda: core.speed_rpm <= rpm + 0.6)
+    ctx.wait_until(there, 20.0, f"{rpm:g} rpm")
     return ctx.now_s - begun
 
 

@@ -8,89 +8,26 @@ from hypothesis import strategies as st
 
 from fieldbus.ads import (
     AdsError,
-    AdsSession,
-    Area,
     Frame,
     FrameReader,
     Group,
     MalformedFrameError,
     Member,
-    Memory,
-    Port,
     Structure,
-    Symbol,
-    net_id,
-    variable,
 )
 from fieldbus.ads.frames import MOST_DATA
-
-OWN, PEER = net_id("5.1.2.3.1.1"), net_id("10.0.0.1.1.1")
-READ, WRITE, STATE, CONTROL, ADD, DELETE, READ_WRITE = 2, 3, 4, 5, 6, 7, 9
-
-
-class Client:
-    """A device with three symbols, and what a client asks of it."""
-
-    def __init__(self):
-        self.speed, self.flag, self.image, self.state = 12.5, True, bytearray(range(8)), 5
-        memory = Memory()
-        variable(memory, "MAIN.Speed", "LREAL", lambda: self.speed, self._set_speed)
-        variable(memory, "MAIN.Flag", "BOOL", lambda: self.flag, comment="read only")
-        offset = memory.add(Area(8, lambda: bytes(self.image), self._set_image))
-        memory.name(Symbol("MAIN.Image", "IMAGE", offset, 8))
-        memory.name(Symbol("MAIN.Image.Word", "UINT", offset + 2, 2))
-        self.memory = memory
-        self.sent = []
-        self._reader = FrameReader()
-        port = Port(memory, lambda: self.state, self._control, "Plc30 App")
-        self.session = AdsSession(OWN, {851: port}, self._take)
-
-    def _set_speed(self, value):
-        if value < 0:
-            return AdsError.INVALID_DATA
-        self.speed = value
-        return 0
-
-    def _set_image(self, data):
-        self.image[:] = data
-        return 0
-
-    def _control(self, state):
-        self.state = state
-        return 0
-
-    def _take(self, data):
-        self.sent += self._reader.feed(data)
-
-    def ask(self, command, data=b"", *, net=OWN, port=851):
-        """Return error of the header and data of the answer."""
-        self.sent.clear()
-        self.session.receive(Frame(net, port, PEER, 30000, command, 4, 0, 77, data).pack())
-        (answer,) = self.sent
-        assert (answer.target_net, answer.target_port, answer.source_net) == (PEER, 30000, net)
-        assert (answer.command, answer.flags, answer.invoke) == (command, 5, 77)
-        return answer.error, answer.data
-
-    def read(self, group, offset, length):
-        error, data = self.ask(READ, struct.pack("<III", group, offset, length))
-        assert error == 0
-        code, size = struct.unpack_from("<II", data)
-        assert size == len(data) - 8
-        return code, data[8:]
-
-    def write(self, group, offset, value):
-        return int.from_bytes(
-            self.ask(WRITE, struct.pack("<III", group, offset, len(value)) + value)[1], "little"
-        )
-
-    def read_write(self, group, offset, length, value):
-        data = self.ask(READ_WRITE, struct.pack("<IIII", group, offset, length, len(value)) + value)[1]
-        return struct.unpack_from("<I", data)[0], data[8:]
-
-    def handle(self, name):
-        code, data = self.read_write(Group.SYMBOL_HANDLE_BY_NAME, 0, 4, name.encode() + b"\0")
-        assert code == 0
-        return int.from_bytes(data, "little")
+from testcases.campaigns._ads_client import (
+    ADD,
+    CONTROL,
+    DELETE,
+    OWN,
+    PEER,
+    READ,
+    STATE,
+    WRITE,
+    Client,
+    type_entries,
+)
 
 
 def test_values_by_handle_and_address():
@@ -276,24 +213,6 @@ def test_no_request_breaks_the_device(command, data, port):
     assert client.ask(STATE)[0] == 0
 
 
-def _type_entries(table, number):
-    """Return name, type, size, offset, type number, flags and members of entries of a table of data types."""
-    found = []
-    for _ in range(number):
-        length, _, _, _, size, offset, kind, flags, *texts, dimensions, members = struct.unpack_from(
-            "<IIIIIIIIHHHHH", table
-        )
-        assert (length % 8, dimensions) == (0, 0)
-        place, names = 42, []
-        for text in texts:
-            names.append(table[place : place + text].decode())
-            place += text + 1
-        inner = _type_entries(table[place:length], members)
-        found.append((names[0], names[1], size, offset, kind, flags, inner))
-        table = table[length:]
-    return found
-
-
 def test_data_types_are_uploaded():
     """The table of data types is as long as its info says; a structure has its members with their places, and
     is found by name.
@@ -307,7 +226,7 @@ def test_data_types_are_uploaded():
     info = struct.unpack("<6I", client.read(Group.SYMBOL_UPLOAD_INFO_2, 0, 24)[1])
     code, table = client.read(Group.DATA_TYPE_UPLOAD, 0, info[3])
     assert (code, len(table), info[0]) == (0, info[3], 4)
-    types = {entry[0]: entry[1:] for entry in _type_entries(table, info[2])}
+    types = {entry[0]: entry[1:] for entry in type_entries(table, info[2])}
     assert len(types) == info[2]
     assert types["LREAL"] == ("", 8, 0, 5, 1, [])
     assert types["IMAGE"] == (
@@ -323,7 +242,7 @@ def test_data_types_are_uploaded():
         ],
     )
     code, entry = client.read_write(Group.DATA_TYPE_INFO_BY_NAME_EX, 0, 0xFFFFFFFF, b"image\0")
-    assert (code, _type_entries(entry, 1)[0][0]) == (0, "IMAGE")
+    assert (code, type_entries(entry, 1)[0][0]) == (0, "IMAGE")
     assert (
         client.read_write(Group.DATA_TYPE_INFO_BY_NAME_EX, 0, 99, b"NONE\0")[0] == AdsError.SYMBOL_NOT_FOUND
     )
