@@ -948,7 +948,8 @@ def mutants(
         typer.Option(
             "--judge",
             metavar="J",
-            help="Who judges: campaigns, or fuzz: the programs that a search of this seed begins with.",
+            help="Who judges: campaigns; fuzz: the programs that a search of this seed begins with; tests: "
+            "files of tests; marks: of these the tests that claim a requirement that the changed code names.",
         ),
     ] = "campaigns",
     programs: Annotated[
@@ -1020,7 +1021,7 @@ def mutants(
         mechanical=mechanical,
         judge=judge,
         programs=programs,
-        most_cases=cases or (40 if mechanical and judge != "fuzz" else 0),
+        most_cases=cases or ({"campaigns": 40, "fuzz": 0}.get(judge, 12) if mechanical else 0),
         coverage=coverage,
         budget_s=parse_duration("--budget", budget),
     )

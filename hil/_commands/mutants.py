@@ -11,6 +11,7 @@ from hil._commands.terminal import console, print_json, quiet_stdout
 from hil.errors import CannotRunError
 from hil.mutants import (
     Coverage,
+    Judge,
     Mutant,
     MutantResult,
     Outcome,
@@ -21,6 +22,7 @@ from hil.mutants import (
     as_run,
     draw,
     find_judges,
+    find_test_files,
     line_ranges,
     load_catalogue,
     load_stored,
@@ -32,7 +34,7 @@ from hil.mutants import (
 from hil.mutants._results import TABLE_FILE
 from reports import render_html, write_junit
 
-JUDGES: Final = ("campaigns", "fuzz")
+JUDGES: Final = ("campaigns", "fuzz", "tests", "marks")
 """Who judges defects."""
 PAGE_FILE: Final = "mutants.html"
 JUNIT_FILE: Final = "mutants.xml"
@@ -103,7 +105,7 @@ def seed_defects(request: MutantsRequest) -> int:
     if request.only_list:
         return _show(mutants, as_json=request.as_json)
     with quiet_stdout(request.as_json):
-        judges = find_judges(_references(request))
+        judges = _judges(request)
         progress = _Progress()
         stored = _stored(request)
         if request.last_failed and not request.resume:
@@ -197,10 +199,17 @@ def _mutants(request: MutantsRequest) -> list[Mutant]:
     return select_mutants({mutant.name: mutant for mutant in drawn}, names=request.names)
 
 
-def _references(request: MutantsRequest) -> tuple[str, ...]:
-    """Return the campaigns that judge; none: those that ship."""
+def _judges(request: MutantsRequest) -> list[Judge]:
+    """Return who judges."""
     if request.judge not in JUDGES:
         raise CannotRunError(f"--judge {request.judge!r} is not allowed; allowed: {', '.join(JUDGES)}")
+    if request.judge in {"tests", "marks"}:
+        return find_test_files(request.campaigns, claims=request.judge == "marks")
+    return find_judges(_references(request))
+
+
+def _references(request: MutantsRequest) -> tuple[str, ...]:
+    """Return the campaigns that judge; none: those that ship."""
     if request.judge == "campaigns":
         return request.campaigns
     if request.campaigns:

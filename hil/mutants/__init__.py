@@ -26,6 +26,7 @@ from hil.mutants._results import (
     store,
 )
 from hil.mutants._seeding import MutantResult, Seeder, Seeding, SeedingOptions
+from hil.mutants._tests import find_test_files
 from hil.mutants._unreached import ModuleReach, line_ranges, reach
 from hil.mutants._worker import Outcome
 
@@ -51,6 +52,7 @@ __all__ = [
     "defect",
     "draw",
     "find_judges",
+    "find_test_files",
     "hinted",
     "in_order",
     "line_ranges",

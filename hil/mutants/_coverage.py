@@ -172,10 +172,10 @@ def _campaign_digest(reference: str) -> str:
     """Return a digest of a campaign: of its file, or of its module and of what that imports from its
     package.
     """
-    where = reference.rpartition(":")[0]
-    for file in (reference, where):
-        if file.endswith((".py", ".toml")) and Path(file).is_file():
-            return hashlib.sha256(Path(file).read_bytes()).hexdigest()[:12]
+    where, _, file = reference.rpartition(":")
+    for one in (reference, where, file):
+        if one.endswith((".py", ".toml")) and Path(one).is_file():
+            return hashlib.sha256(Path(one).read_bytes()).hexdigest()[:12]
     return _package_digest(reference)
 
 

@@ -9,6 +9,7 @@ import hashlib
 import inspect
 import pkgutil
 import random
+import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,6 +27,9 @@ _LEFT_OUT: Final = frozenset({"__repr__", "__str__", "__hash__", "__eq__", "summ
 """Functions for people who read, and not for drives and controllers."""
 _EQUIVALENTS: Final = "equivalent_mutants.toml"
 _LIVE_CODE: Final = "live_code.toml"
+_IDENTIFIER: Final = re.compile(r"\b([A-Z][A-Z0-9]{1,4})-(\d{3})\b(?:\s+to\s+(?:\1-)?(\d{3})\b)?")
+"""Of one requirement, or of several in a row: `MC-052 to MC-070`."""
+_LONGEST_RANGE: Final = 60
 
 
 @dataclass(frozen=True)
@@ -179,9 +183,33 @@ def _mutant(place: _Place, change: Replacement) -> Mutant:
         area=place.module.partition(".")[0],
         title=OPERATORS[change.operator],
         edits=(Edit(target, old, new),),
+        requirements=_named_near(place.module, place.path),
         explained=equivalents().get(name, ""),
         operator=change.operator,
     )
+
+
+@cache
+def _named_near(module: str, path: str) -> tuple[str, ...]:
+    """Return the identifiers of requirements that the source of a function names; of its class, or of its
+    module, where it names none.
+    """
+    imported = import_module(module)
+    texts = [inspect.getsource(function_of(Edit(f"{module}:{path}", "", " ")))]
+    owner = path.rpartition(".")[0]
+    if owner:
+        texts.append(inspect.getdoc(vars(imported).get(owner.partition(".")[0])) or "")
+    texts.append(inspect.getdoc(imported) or "")
+    return next((found for text in texts if (found := _identifiers(text))), ())
+
+
+def _identifiers(text: str) -> tuple[str, ...]:
+    found: dict[str, None] = {}
+    for match in _IDENTIFIER.finditer(text):
+        prefix, first, last = match.groups()
+        numbers = range(int(first), min(int(last or first), int(first) + _LONGEST_RANGE) + 1)
+        found.update(dict.fromkeys(f"{prefix}-{number:03d}" for number in numbers))
+    return tuple(found)
 
 
 def _edited(place: _Place, change: Replacement) -> tuple[str, str]:

@@ -18,6 +18,7 @@ from hil.mutants._marks import Marks, packed
 from hil.mutants._mutant import Mutant
 from hil.mutants._patch import Patch
 from hil.mutants._plan import Judge
+from hil.mutants._tests import is_test_file, run_test_file
 from reports.model import CaseResult, Verdict
 
 START_LIMIT_S: Final = 120.0
@@ -125,6 +126,10 @@ def _limit_memory() -> None:
 
 
 def _judge(task: Task, judge: Judge, limit_s: float) -> Outcome:
+    if is_test_file(judge):
+        changed = None if task.mutant is None else task.mutant.requirements
+        verdict, message, seconds, broken = run_test_file(judge, changed)
+        return Outcome(judge, verdict, message, seconds, frozenset(), requirements=broken)
     started = time.perf_counter()
     try:
         case = replace(load_campaign(judge.campaign)[judge.identifier], wall_limit_s=limit_s)

@@ -11,6 +11,7 @@ from hil.expect.rules import (
     _drive_motion,
     _drive_words,
     _kinematics,
+    _places,
     _ramps,
 )
 from hil.expect.rules._definition import Rule, outcome
@@ -28,6 +29,7 @@ AXIS_RULES: Final[tuple[Rule[AxisView], ...]] = (
     *_bus_values.AXIS_RULES,
     *_axis_words.AXIS_RULES,
     *_causes.AXIS_RULES,
+    *_places.AXIS_RULES,
 )
 DRIVE_RULES: Final[tuple[Rule[DriveView], ...]] = (
     *_drive_motion.DRIVE_RULES,

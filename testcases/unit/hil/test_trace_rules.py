@@ -31,6 +31,7 @@ def _drive_around(bench: Bench) -> Trace:
     axis = bench.axis()
     power = axis.power()
     bench.wait_until(power.status, timeout=2.0)
+    bench.wait_until(axis.home(0.0).done, timeout=1.0)
     job = axis.move_velocity(100.0, Acceleration=400.0, Deceleration=700.0, Jerk=0.0)
     bench.wait_until(job.in_velocity, timeout=2.0)
     bench.run_for(0.05)
@@ -59,6 +60,7 @@ def _drive_around(bench: Bench) -> Trace:
     return bench.trace()
 
 
+LIMITED: Final = {"axis": {"axis1": {"variables": {"PositionLimits_SW.Active": True}}}}
 BRAKE: Final = {"torque_nm": 5.0, "opening_time_ms": 30.0, "closing_time_ms": 30.0}
 
 
@@ -67,7 +69,7 @@ def traces() -> Mapping[str, Trace]:
     """A trace of a drive of either profile."""
     found = {}
     for name, brake in (("reference", {}), ("profidrive", {"drive": {"drive1": {"brake": BRAKE}}})):
-        with load_bench(name).configured(brake).build(seed=3) as bench:
+        with load_bench(name).configured(brake | LIMITED).build(seed=3) as bench:
             found[name] = _drive_around(bench)
     return found
 
@@ -113,6 +115,13 @@ def _times(factor: float) -> Callable[[Numbers], Numbers]:
     return lambda values: values * factor
 
 
+def _beyond(values: Numbers) -> Numbers:
+    """Beyond the limit from the second halfway, in the motion before the stop."""
+    changed = values.copy()
+    changed[len(values) // 2 :] += 600.0
+    return changed
+
+
 def _without_faults(entry: Event) -> Event | None:
     return None if entry.kind.startswith("fault.") else entry
 
@@ -149,6 +158,11 @@ EDITS: Final[Mapping[str, _Edit]] = {
     "WarningWord": _Edit("axis1.warning_word", _bits(1 << 3)),
     "ErrorDetail": _Edit("axis1.alarm_number", _times(0.0)),
     "reactions of alarms": _Edit(event=_detail("alarm.raised", reaction=3)),
+    "end of positioning": _Edit("axis1.actual_position", lambda values: values + 0.15),
+    "target of positioning": _Edit("axis1.position_setpoint", _times(1.01)),
+    "bits of software limits": _Edit("axis1.status_word", _bits(1 << 15)),
+    "software limits": _Edit("axis1.position_setpoint", _beyond),
+    "homed bit": _Edit("axis1.status_word", _bits(clear=1 << 5)),
     "drive in operation": _Edit("axis1.in_operation", _times(0.0)),
     "permitted following error": _Edit("axis1.permitted_following_error", _times(1.01)),
     "alarm 521": _Edit("axis1.following_error", lambda values: values + 100.0),
