@@ -323,7 +323,7 @@ def _homed(axis: AxisView) -> Judged | None:
     late = (
         np.concatenate((np.zeros(reach, dtype=bool), missing[:-reach])) if len(missing) > reach else missing
     )
-    unshown = late & ~spread(shown, reach, 0)
+    unshown = late & ~spread(shown, 0, reach)
     judged = ~spread(axis.in_states("restarting"), 2, 3) & ~axis.near(other, 2, 3)
 
     def describe(at: int) -> str:
