@@ -76,6 +76,15 @@ _SYNCHRONOUS: Final = 1
 _BY_EVENT: Final = 255
 _MILLI_RPM: Final = 0xFDB44700
 _UNIT: Final = 0x60A900
+_MAX_ACCELERATION: Final = 0x60C500
+_MAX_DECELERATION: Final = 0x60C600
+_COASTS: Final = {
+    0x605A00: "OFF3 (quick stop)",
+    0x605B00: "OFF1 (shutdown)",
+    0x605C00: "disable operation",
+    0x605E00: "a fault",
+}
+"""Option codes; 0 takes the torque away at once."""
 
 
 @dataclass(frozen=True)
@@ -355,6 +364,13 @@ def _notes(
         yield "1017h cannot be written: " + ("node guarding" if guarded else "nobody notices a lost drive")
     if 0x60C201 not in writable and mode != MODE_PV:
         yield "60C2h cannot be written: the drive interpolates with the time that it has"
+    if mode == MODE_CSP:
+        for key in (_MAX_ACCELERATION, _MAX_DECELERATION):
+            if _number(entries, key):
+                yield f"mode csp: {named(key)} is {_number(entries, key)} units: steeper ramps lag behind"
+    for key, what in _COASTS.items():
+        if key in entries and key not in writable and not _number(entries, key):
+            yield f"{named(key)} is 0 and cannot be written: with {what} the drive coasts"
     for slot in used:
         if not slot.free:
             carried = ", ".join(named(raw >> 8) for raw in slot.content)

@@ -51,6 +51,19 @@ CASES = {
     "fixed velocity unit": ({"read_only": (0x60A9,)}, "csv", ("60A9h",)),
     "fixed encoder resolution": ({"read_only": (0x608F,)}, "csv", ()),
     "no heartbeat": ({"without": (0x1017,)}, "csv", ("1017h cannot be written: node guarding",)),
+    "a quick stop without a ramp": (
+        {"more": "[605A]\nParameterName=Stop\nDataType=3\nAccessType=ro\nPDOMapping=0\nDefaultValue=0\n"},
+        "csv",
+        ("605Ah is 0 and cannot be written: with OFF3 (quick stop) the drive coasts",),
+    ),
+    "a limited acceleration": (
+        {
+            "changed": {0x6502: "0xA0"},
+            "more": "[60C5]\nParameterName=A\nDataType=7\nAccessType=rw\nDefaultValue=5000000\n",
+        },
+        "csp",
+        ("mode csp: 60C5h is 5000000 units: steeper ramps lag behind",),
+    ),
     "no interpolation time": ({"without": (0x60C2,)}, "csv", ("60C2h",)),
 }  # fmt: skip
 
