@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from http.client import HTTPConnection
 from pathlib import Path
 from queue import Empty, Queue
-from socket import create_connection, create_server
+from socket import create_connection
 from tempfile import TemporaryDirectory
 from threading import Event, Thread
 from typing import Any
@@ -17,6 +17,7 @@ from typing import Any
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
+from hil._commands.cockpit import listen
 from hil.bench import load_bench
 from hil.cockpit.assembly import cockpit
 from hil.cockpit.server import http_server
@@ -115,7 +116,8 @@ class Page:
     def _live(self) -> None:
         while not self._living.wait(0.1):
             with suppress(ConnectionClosed):
-                self.send('{"kind":"life"}')
+                at = self.state.get("at")
+                self.send('{"kind":"life"}' if at is None else f'{{"kind":"life","at":{at}}}')
 
 
 def _true(condition: Callable[[], object]) -> bool:
@@ -150,13 +152,13 @@ class Served:
             connection.close()
 
     def connect(
-        self, *, host: str = "", origin: str | None = "", cookie: str | None = ""
+        self, *, host: str = "", origin: str | None = "", cookie: str | None = "", port: int = 0
     ) -> ClientConnection:
-        """Open a WebSocket; empty: what is right, None: without."""
+        """Open a WebSocket, at the port of a relay if one is given; empty: what is right, None: without."""
         carried = self.cookie if cookie == "" else cookie
         return connect(
             f"ws://{host or self.host}/socket",
-            sock=create_connection(("127.0.0.1", self.port)),
+            sock=create_connection(("127.0.0.1", port or self.port)),
             origin=self.origin if origin == "" else origin,
             additional_headers={} if carried is None else {"cookie": carried},
             max_size=None,
@@ -164,9 +166,9 @@ class Served:
         )
 
     @contextmanager
-    def page(self) -> Iterator[Page]:
-        """Open a page, and wait until its bench is up."""
-        with self.connect() as socket:
+    def page(self, port: int = 0) -> Iterator[Page]:
+        """Open a page, at the port of a relay where one is given, and wait until its bench is up."""
+        with self.connect(port=port) as socket:
             one = Page(socket)
             try:
                 one.until(lambda: one.description["up"] and one.state["axis"], "the bench comes up")
@@ -180,7 +182,7 @@ class Served:
 def served(bench: str = "reference", **options: Any) -> Iterator[Served]:
     """Serve a cockpit, in a working folder of its own where none is given."""
     with TemporaryDirectory() as work:
-        listening = create_server(("127.0.0.1", 0))
+        listening = listen("127.0.0.1", 0)
         port = listening.getsockname()[1]
         app = cockpit(
             load_bench(bench),

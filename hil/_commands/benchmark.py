@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from fieldbus import core_build
 from hil._commands._axis_measurement import axis_cycles, follower_cycles
+from hil._commands._cockpit_measurement import cockpit_figures, missing
 from hil._commands._measurements import (
     Figure,
     can_frames,
@@ -64,7 +65,7 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
     from hil.bench import load_bench
 
     figures: list[Figure] = []
-    with quiet_stdout(as_json), CaseProgress(15, "benchmark") as progress:
+    with quiet_stdout(as_json), CaseProgress(16, "benchmark") as progress:
         reference = load_bench("reference")
         for number, (name, config) in enumerate(moving_benches().items()):
             progress.step(number, name)
@@ -92,15 +93,21 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
         figures.extend(follower_cycles())
         factor = geared_speed(load_bench("line_shaft").config, seconds)
         figures.append(Figure("sim_factor_9axes_geared_4ms", factor, "simulated s / wall s"))
+        progress.step(16, "cockpit")
+        skipped = missing()
+        figures.extend([] if skipped else cockpit_figures(seconds))
     if core_build.kind() == core_build.COMPILED:
         # The same figures of both builds stand side by side in one table.
         figures = [figure._replace(name=f"{figure.name}_compiled") for figure in figures]
     if as_json:
-        print_json([{"name": f.name, "value": round(f.value, 2), "unit": f.unit} for f in figures])
+        rows = [{"name": f.name, "value": round(f.value, 2), "unit": f.unit} for f in figures]
+        print_json([*rows, *([{"name": "cockpit", "skipped": skipped}] if skipped else [])])
     else:
         for figure in figures:
             digits = 2 if figure.unit == "times" else 1
             print(f"{figure.name:36} {figure.value:>12,.{digits}f} {figure.unit}")  # noqa: T201 - the answer
+        if skipped:
+            print(f"cockpit_...: not measured, because {skipped}")  # noqa: T201 - the answer
     return 0
 
 

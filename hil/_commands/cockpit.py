@@ -22,6 +22,7 @@ from hil.errors import CannotRunError
 
 _NEEDED: Final = ("starlette", "uvicorn", "websockets")
 _SHORTEST_TOKEN: Final = 16
+_WAITING_BYTES: Final = 64 * 1024
 LOOPBACK: Final = "127.0.0.1"
 
 
@@ -159,6 +160,8 @@ def listen(address: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     listening = socket.socket(family, socket.SOCK_STREAM)
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    # What waits in the system for a slow page is old when it comes: connections inherit this bound.
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _WAITING_BYTES)
     try:
         listening.bind((address, port))
         listening.listen()  # who reads the address may come at once

@@ -10,8 +10,8 @@ server, carried out in the thread of the bench between two slices of bench time,
 What goes over the WebSocket:
 
 * page to server, JSON: `{"kind": "axis.jog", "id": 7, ...}`. Every request gets a reply `{"kind":
-  "reply", "id": 7, "ok": true, "value": ...}` or `{"ok": false, "error": "..."}`. `{"kind": "life"}`, ten
-  times a second from the page in control, is the sign of life.
+  "reply", "id": 7, "ok": true, "value": ...}` or `{"ok": false, "error": "..."}`. `{"kind":"life","at":123}`,
+  ten times a second from the page in control, is the sign of life, with `at` of the newest state.
 * server to page, JSON: `bench` (the description of every pane; at the beginning and whenever another
   bench is up or has failed), `state` (the state of every pane, ten times a second, the newest only), and
   what a pane broadcasts, such as `events`.

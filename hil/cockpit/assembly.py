@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from hil.bench import BenchFile
     from hil.bench.bench import Bench
+    from hil.cockpit.pane import Pane
 
 
 def cockpit(
@@ -37,6 +38,7 @@ def cockpit(
     seed: int = 0,
     rate: Callable[[], RateLimit] = RateLimit,
     first: Callable[[], Bench] | None = None,
+    further: Iterable[Pane] = (),
 ) -> ASGIApp:
     """Return a cockpit as an ASGI application.
 
@@ -50,6 +52,7 @@ def cockpit(
         seed: Seed of every bench.
         rate: Makes the count of the messages of one page.
         first: Brings up the first bench, in the middle of a case; None: it is built of the bench file.
+        further: Panes besides those of the page, such as one that measures.
 
     """
     control = Control()
@@ -67,6 +70,7 @@ def cockpit(
             session,
             FaultPane(session.the_session),
             BusPane(session.the_session, allow_motion=allow_motion),
+            *further,
         ]
     )
     return application(machine, Admission(token, port), hosts, rate=rate)

@@ -13,7 +13,7 @@ from hil.cockpit.messages import encoded
 
 _MOST_BYTES: Final = 8 * 1024 * 1024
 """Replies and samples that wait for a page before its connection is given up, bytes."""
-BUSY_BYTES: Final = 512 * 1024
+BUSY_BYTES: Final = 128 * 1024
 """Bytes that wait for a page above which it gets no new samples and states."""
 
 
@@ -33,6 +33,8 @@ class Client:
         self.name = f"page {number}"
         self.life_s = time.monotonic()
         """Time of the last sign of life of the operator."""
+        self.shown_s = self.life_s
+        """Time of the state that the page showed then."""
         self.closed = False
         self._loop = loop
         self._waiting: deque[str | bytes] = deque()
@@ -47,9 +49,15 @@ class Client:
         """Whether so much waits for it already that new samples have to wait."""
         return self._bytes > BUSY_BYTES
 
-    def alive(self) -> None:
-        """Note a sign of life."""
+    def alive(self, shown_s: float | None = None) -> None:
+        """Note a sign of life.
+
+        Args:
+            shown_s: Monotonic time of the newest state that the page shows, s; None: it is fresh.
+
+        """
         self.life_s = time.monotonic()
+        self.shown_s = self.life_s if shown_s is None else min(shown_s, self.life_s)
 
     def send(self, content: object) -> None:
         """Send a document, or bytes as they are; what was sent before comes before it."""

@@ -288,8 +288,9 @@ class Machine:
         }
 
     def _describe(self) -> None:
-        """Tell all pages what the bench is now."""
+        """Tell all pages what the bench is now; that they had no state meanwhile is not their fault."""
         for client in self._clients:
+            client.alive()
             client.send(self._hello(client))
         self._next_state_s = 0.0
 
@@ -300,6 +301,7 @@ class Machine:
         operator = self._control.client
         document: dict[str, object] = {
             "kind": "state",
+            "at": round(time.monotonic() * 1000.0),
             "time_s": None if self.bench is None else self.bench.now_s,
             "operator": None if operator is None else operator.name,
             "pages": len(clients),

@@ -14,6 +14,10 @@ LIFE_S: Final = 1.0
 """Age of the last sign of life from which on the operator counts as away, s; a page gives ten in a second
 (COM-024).
 """
+OLDEST_S: Final = 2.0
+"""Age of what the page of the operator shows from which on the operator counts as away, s: over a slow
+connection signs of life may be in time, and the picture is not.
+"""
 
 
 class Control:
@@ -54,6 +58,6 @@ class Control:
 
     @property
     def present(self) -> bool:
-        """Whether the operator has given a sign of life in time."""
-        client = self.client
-        return client is not None and time.monotonic() - client.life_s <= LIFE_S
+        """Whether the operator has given a sign of life in time, before a picture that is not old."""
+        client, now_s = self.client, time.monotonic()
+        return client is not None and now_s - client.life_s <= LIFE_S and now_s - client.shown_s <= OLDEST_S

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -41,8 +42,10 @@ if TYPE_CHECKING:
 
 HOMING_STYLE: Final = Path(str(files("reports.html"))) / "templates" / "homing.css"
 """The style of homing pictures is that of the reports."""
-_LIFE: Final = '{"kind":"life"}'
-"""Sign of life of an operator; it does not wait for the thread of the bench."""
+_LIFE: Final = re.compile(r'\{"kind":"life"(?:,"at":(\d{1,15}))?\}')
+"""Sign of life of an operator, with the time of the newest state that the page shows, ms; it does not wait
+for the thread of the bench.
+"""
 _MOST_PAGES: Final = 16
 _NOT_ADMITTED: Final = 4401
 _TOO_MANY: Final = 4408
@@ -121,8 +124,8 @@ class Pages:
             text = event.get("text")
             if text is None:
                 return _NO_TEXT, "messages are text"
-            if text == _LIFE:
-                client.alive()
+            if life := _LIFE.fullmatch(text):
+                client.alive(None if life[1] is None else int(life[1]) / 1000.0)
                 continue
             try:
                 message: Message = self._reader.read(text)
@@ -212,7 +215,7 @@ def http_server(app: ASGIApp) -> uvicorn.Server:
             ws="websockets-sansio",
             ws_max_size=LARGEST_BYTES,
             ws_ping_interval=5.0,
-            ws_ping_timeout=5.0,
+            ws_ping_timeout=20.0,  # a slow connection answers late; an operator gives signs of life
             timeout_graceful_shutdown=2,
             server_header=False,
         )

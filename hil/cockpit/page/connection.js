@@ -23,6 +23,7 @@ export class Connection {
     this.next = 1;
     this.socket = null;
     this.operating = false;
+    this.at = 0; // time of the newest state, which a sign of life carries: an old picture is none to operate by
     setInterval(() => this.#live(), LIFE_MS);
   }
 
@@ -60,7 +61,7 @@ export class Connection {
   }
 
   #live() {
-    if (this.operating && this.connected) this.socket.send('{"kind":"life"}');
+    if (this.operating && this.connected) this.socket.send(`{"kind":"life","at":${this.at}}`);
   }
 
   #tell(kind, content) {
@@ -73,6 +74,7 @@ export class Connection {
       return;
     }
     const document = JSON.parse(data);
+    if (document.kind === "state") this.at = document.at;
     if (document.kind !== "reply") {
       this.#tell(document.kind, document);
       return;

@@ -201,7 +201,9 @@ class AxisPane(Pane):
 
         """
         if not self._control.present:
-            raise MessageError("the page has given no sign of life in time: nothing is moved")
+            raise MessageError(
+                "no sign of life came in time, or what the page shows is older than 2 s: nothing is moved"
+            )
         if name in self._physical and not self._allow_motion:
             raise MessageError(
                 f"{name} has a physical drive: it is moved only by a cockpit started with --allow-motion"

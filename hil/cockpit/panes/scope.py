@@ -11,6 +11,7 @@ columns are those of the reply to the subscription.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from struct import Struct
@@ -36,8 +37,10 @@ _SAMPLES: Final = 1
 _GAP: Final = 1
 _PERIOD_S: Final = 1 / 30
 """Time between two frames, s."""
-_MOST_ROWS: Final = 20_000
-"""Rows of a frame."""
+_MOST_BYTES: Final = 256 * 1024
+"""Longest frame, bytes: what waits for a page stays small."""
+_LATEST_S: Final = 3.0
+"""Time in which a sample has to go out, s; else the page gets the newest ones, and a gap."""
 KEPT_ROWS: Final = 300_000
 """Rows of a group that are kept for pages that come later, and for what is saved: five minutes at 1 kHz."""
 
@@ -74,9 +77,13 @@ class SaveWindow(Message):
 class _Stream:
     """The samples of one group to one page."""
 
-    __slots__ = ("columns", "group", "index", "lost", "row")
+    __slots__ = ("_marks", "_overdue", "columns", "group", "index", "lost", "row")
 
     def __init__(self, index: int, group: Group, columns: list[int], row: int) -> None:
+        self._marks: deque[tuple[float, int]] = deque()
+        """Monotonic time, s, and rows that there were."""
+        self._overdue = 0
+        """Rows that should have gone out by now."""
         self.index = index
         self.group = group
         self.columns = columns
@@ -84,18 +91,27 @@ class _Stream:
         """Number of the next row that goes out."""
         self.lost = False
 
+    def look(self, now_s: float) -> None:
+        """Note how many rows there are at a time."""
+        self._marks.append((now_s, self.group.rows))
+        while self._marks[0][0] < now_s - _LATEST_S:
+            self._overdue = self._marks.popleft()[1]
+
     def frame(self, number: int, most_behind: int) -> bytes | None:
         """Return the next rows, of the last `most_behind` ones; None when there are no new ones."""
         group = self.group
         rows = group.rows
         oldest = max(group.first_row, rows - most_behind)
+        if self.row < self._overdue:
+            oldest = max(oldest, rows - 1)
         if self.row < oldest:
             self.row = oldest
             self.lost = True
         if self.row >= rows:
             return None
         width = 1 + len(group.columns)
-        table = np.frombuffer(group.content_from(self.row), dtype="<f8").reshape(-1, width)[:_MOST_ROWS]
+        table = np.frombuffer(group.content_from(self.row), dtype="<f8").reshape(-1, width)
+        table = table[: max(1, _MOST_BYTES // (8 * (1 + len(self.columns))))]
         flags = _GAP if self.lost else 0
         self.lost = False
         self.row += len(table)
@@ -200,9 +216,10 @@ class ScopePane(Pane):
             return
         self._next_s = now_s + _PERIOD_S
         for client, subscription in self._subscriptions.items():
-            if client.busy:
-                continue
             for stream in subscription.streams:
+                stream.look(now_s)
+                if client.busy:
+                    continue
                 frame = stream.frame(subscription.number, self._most_behind)
                 if frame is not None:
                     client.send(frame)

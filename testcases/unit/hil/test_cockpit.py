@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import struct
 
 import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from hil._commands._cockpit_measurement import latencies, missing
 from hil.bench import load_bench
 from hil.cli import main
 from hil.cockpit.messages import RateLimit
 from hil.cockpit.panes.scope import ScopePane, Subscribe
 from testcases.cockpit_fuzz import fuzz
 from testcases.cockpit_rig import TOKEN, served
+from testcases.slow_link import SlowLink
 
 pytestmark = pytest.mark.exhaustive
 
@@ -367,6 +370,55 @@ def test_gaps_are_marked(tmp_path):
     assert found == [(0, 100), (0, 250), (1, 300)]
     lost = np.frombuffer(page.frames[2], "<f8", 1, 16)[0] - np.frombuffer(page.frames[1], "<f8", 250, 16)[-1]
     assert lost == pytest.approx(0.004 * (1050 - 300 + 1))
+
+
+def test_slow_network():
+    """Over a connection that is too slow a jog stops because what the operator sees is old, although every
+    sign of life comes in time, and the axis is given back with alarm 204; what waits on the server stays
+    small, the page goes on where the connection is better again, and the scope marks the gap.
+    """
+    with (
+        served() as cockpit,
+        cockpit.page() as watcher,
+        SlowLink(cockpit.port) as link,
+        cockpit.page(link.port) as one,
+    ):
+        axis = lambda: watcher.state["axis"]["axis1"]  # noqa: E731 - the state changes
+        one.live()
+        one.do("control.take")
+        enable(one)
+        signals = [signal["name"] for signal in one.description["panes"]["scope"]][:40]
+        one.do("scope.subscribe", signals=signals, number=1)
+        one.do("time.run", speed=1.0)
+        link.delay_s = 0.05
+        one.do("axis.jog", axis="axis1", slider=20.0)
+        watcher.until(lambda: axis()["velocity"] > 5.0, "jogs")
+        link.down = 10_000.0  # an eighth of what the signals need
+        watcher.until(lambda: axis()["velocity"] == 0.0, "stops")
+        assert watcher.state["operator"] == "page 2"
+        assert watcher.do("session.steps")[-1]["text"].startswith("axis1: halt")
+        one.send('{"kind":"time.run","speed":8.0}')
+        begun_s = watcher.state["time_s"]
+        watcher.until(lambda: watcher.state["time_s"] > begun_s + 30.0, "time passes")
+        assert [alarm["number"] for alarm in axis()["alarms"]] == [204]
+        assert (axis()["master"], one.code) == ("program", None)
+        before = len(one.samples)
+        link.down, link.delay_s = math.inf, 0.0
+        one.until(lambda: watcher.state["time_s"] - one.state["time_s"] < 3.0, "the page is up to date")
+        gaps = [number for number, frame in enumerate(one.samples) if frame[1] & 1]
+    assert len({one.samples[number][8:12] for number in gaps}) == len(gaps) > 0  # each group once
+    assert sum(map(len, one.samples[before : gaps[0]])) < 700_000  # on the server, in the system, on the way
+
+
+def test_figures_of_the_page(monkeypatch):
+    """A sample counts until the first frame that shows it is painted; what is not installed is the reason for
+    no figures.
+    """
+    drawn = [(0.9, 10.0, 10.01), (1.1, 10.2, 10.25), (1.1, 10.3, 10.35), (1.3, 10.4, 10.5)]
+    found = latencies([0.9, 1.0, 1.1, 1.2, 1.4], [9.9, 10.0, 10.1, 10.2, 10.4], drawn)
+    assert found == pytest.approx([0.25, 0.15, 0.3])
+    monkeypatch.setenv("PATH", "")
+    assert missing() == "Chromium is not installed"
 
 
 def test_command_refuses(tmp_path, monkeypatch, capsys, subtests):

@@ -454,6 +454,7 @@ class ScopeView {
     const heavy = this.points > HEAVY;
     if (!this.dirty && (end === this.drawn || this.mode === "hold")) return;
     if (!this.dirty && now - (this.drawnAt || 0) < (heavy ? 200 : 30)) return;
+    const begun = performance.now();
     this.dirty = false;
     this.drawn = end;
     this.drawnAt = now;
@@ -480,6 +481,7 @@ class ScopeView {
       this.xy.show(across, up, this.over.map((name) => this.known.get(name)), from, to);
     }
     this.#read(from, to);
+    window.dispatchEvent(new CustomEvent("drawn", { detail: { end, begun } })); // for measurements
   }
 
   /** Decide which time is shown. */
