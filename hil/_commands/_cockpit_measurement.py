@@ -127,7 +127,8 @@ def latencies(
     first = np.searchsorted(frames[:, 0], times - 1e-7)
     # What was there before the first frame, and what no frame shows any more, is not counted.
     shown = (first > 0) & (first < len(frames))
-    return frames[first[shown], 2] - walls[shown]
+    found: np.ndarray[tuple[int], np.dtype[np.float64]] = frames[first[shown], 2] - walls[shown]
+    return found
 
 
 @contextmanager

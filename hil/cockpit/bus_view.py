@@ -7,16 +7,20 @@ from collections.abc import Iterator, Mapping
 from enum import IntFlag
 from typing import TYPE_CHECKING, Final
 
+from emulators.drive.profidrive.parameters.definitions import factory_definitions
 from fieldbus.can.frame import CanFrame
 from fieldbus.canopen.dictionary import BOOLEAN, UNICODE_STRING, VISIBLE_STRING, Entry, entries_of
 from fieldbus.cia402 import Controlword, Statusword
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import STW1, ZSW1
 from hil.bench.drives import build_decoder
+from hil.cockpit.parameter_rows import parameter_rows
+from hil.cockpit.steps import parameter_port
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from emulators.drive.profidrive import ParameterDefinition
     from fieldbus.canopen.decode import FrameDecoder, PdoField
     from fieldbus.modbus import ModbusFrame
     from hil.bench.bench import Bench
@@ -180,7 +184,7 @@ class BusView:
 
     @property
     def nodes(self) -> tuple[str, ...]:
-        """Names of the nodes whose objects the controller can reach."""
+        """Names of the nodes whose objects the controller can reach by SDO."""
         config = self._bench.config
         reached = {*self._bench.ports.can, *(name for name in config.encoder)}
         return tuple(
@@ -189,14 +193,56 @@ class BusView:
             if not config.segment[table.segment].on_modbus and name in reached
         )
 
+    @property
+    def on_modbus(self) -> dict[str, str]:
+        """Nodes on Modbus, and why their parameters cannot be reached; empty: they can."""
+        config = self._bench.config
+        on_modbus = {name for name, table in config.segment.items() if table.on_modbus}
+        return {
+            name: self._no_parameters(name)
+            for name, table in {**config.drive, **config.station}.items()
+            if getattr(table, "segment", None) in on_modbus
+        }
+
+    def _no_parameters(self, name: str) -> str:
+        if name not in self._bench.ports.by_name:
+            return "it has registers and bits, and no parameters"
+        try:
+            parameter_port(self._bench, name)
+        except ConfigurationError:
+            return "its register map has no parameter channel (data record 47)"
+        if self._bench.config.drive[name].device == "physical":
+            return "the list of the parameters of a physical drive on Modbus is not known here"
+        return ""
+
     def objects(self, node: str) -> list[JsonObject]:
-        """Return the entries of the dictionary of a node, by its EDS.
+        """Return the entries of the dictionary of a node, by its EDS, or the parameters of a drive on Modbus.
 
         Raises:
-            ConfigurationError: There is no such node.
+            ConfigurationError: There is no such node, or it has none.
 
         """
+        if node in self.on_modbus:
+            return list(parameter_rows(self._parameters(node)))
         return [_described(one) for _, one in sorted(self._dictionary(node).items())]
+
+    def parameter(self, node: str, number: int, index: int) -> ParameterDefinition:
+        """Return a parameter of a drive on Modbus.
+
+        Raises:
+            ConfigurationError: There is no such drive, parameter or element.
+
+        """
+        found = next((one for one in self._parameters(node) if one.number == number), None)
+        if found is None or index >= found.elements:
+            raise ConfigurationError("parameter", f"{number}[{index}]", f"a parameter of {node}")
+        return found
+
+    def _parameters(self, node: str) -> tuple[ParameterDefinition, ...]:
+        reason = self.on_modbus.get(node, "it is not on Modbus")
+        if reason:
+            raise ConfigurationError("node", node, f"a drive with a parameter channel; of this one {reason}")
+        return factory_definitions()
 
     def entry(self, node: str, index: int, sub: int) -> Entry:
         """Return an entry of a node.

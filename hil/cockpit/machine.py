@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 import threading
 import time
 from collections import deque
@@ -24,8 +26,8 @@ if TYPE_CHECKING:
 _STATE_S: Final = 0.1
 """Time between two states for the pages, s."""
 _LOOK_S: Final = 1.0
-_MOST_FRAMES: Final = 4_000_000
-"""Frames of a recording, which take about 1 GB: more than an hour of the reference bench."""
+_LEAST_ROOM: Final = 1_000_000_000
+"""Room on the disk of the temporary files that a recording leaves, bytes."""
 _NO_BENCH: Final = "no bench is up: start one in the view Bench"
 
 Carried = Callable[["Client", Message, int], object]
@@ -40,6 +42,7 @@ class Machine:
         control: Who operates.
         seed: Seed of every bench.
         first: Brings up the first bench, in the middle of a case; None: it is built of the bench file.
+        room: Returns the room on the disk to which a long recording goes, bytes.
 
     """
 
@@ -50,7 +53,9 @@ class Machine:
         *,
         seed: int = 0,
         first: Callable[[], Bench] | None = None,
+        room: Callable[[], int] = lambda: shutil.disk_usage(tempfile.gettempdir()).free,
     ) -> None:
+        self._room = room
         self.bench_file = bench_file
         """What the present bench is built of."""
         self.bench: Bench | None = None
@@ -227,14 +232,18 @@ class Machine:
         self._wake.clear()
 
     def _bound(self) -> None:
-        """Keep the recording from filling the memory: a virtual bench stands still, a live one forgets."""
+        """Keep the recording from filling the disk: a virtual bench stands still, a live one forgets."""
         bench, pace = self.bench, self.pace
-        if bench is None or pace is None or bench.recorder.frame_count < _MOST_FRAMES:
+        if bench is None or pace is None or self._room() >= _LEAST_ROOM:
             return
         if pace.live:
             bench.recorder.forget()
         elif pace.running:
-            pace.hold(f"the recording is full with {_MOST_FRAMES} frames; Reset bench begins a new one")
+            pace.hold(
+                "The bench stands still: the disk for its recording, of the temporary files in "
+                f"{tempfile.gettempdir()}, has less than 1 GB left. Make room and press Run, or press "
+                "Reset bench, which begins a new recording."
+            )
 
     def _broken(self, error: Exception) -> None:
         with suppress(Exception):

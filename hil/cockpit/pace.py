@@ -66,6 +66,8 @@ class Pace:
         """What is run to; empty: nothing."""
         self.met = ""
         """Condition that the last run has ended with."""
+        self.held = ""
+        """Why time was stopped by the cockpit itself; empty: it was not."""
         self.speed = 0.0
         """Bench time per time on the clock, measured."""
         self._condition: Callable[[], object] | None = None
@@ -85,7 +87,7 @@ class Pace:
         if factor is not None:
             self.factor = factor
         self.running = True
-        self.met = ""
+        self.met = self.held = ""
         self._rebase()
 
     def pause(self) -> None:
@@ -102,7 +104,7 @@ class Pace:
     def hold(self, why: str) -> None:
         """Let the time of a virtual bench stand still, for a reason that the pages show."""
         self.pause()
-        self.met = why
+        self.held = why
 
     def step(self, cycles: int) -> None:
         """Let whole bus cycles pass, up to the end of the last one, and stand still.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from fieldbus.errors import ConfigurationError, UnknownNameError
 from hil.faults import Fault, Injector
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from fieldbus.history import Scalar
+    from fieldbus.profidrive import TypeCode
     from hil.bench.bench import Bench
     from hil.faults import ArmedFault
     from motion.s7.commissioning import ControlPanel
@@ -105,6 +106,21 @@ class WriteObject:
 
 
 @dataclass(frozen=True)
+class WriteParameter:
+    """An element of a parameter of a drive on Modbus that is written by data record 47."""
+
+    node: str
+    number: int
+    """PNU."""
+    index: int
+    code: TypeCode
+    value: float
+
+    def __str__(self) -> str:
+        return f"{self.node}: p{self.number:04}[{self.index}] = {self.value:g}"
+
+
+@dataclass(frozen=True)
 class Inject:
     """A fault that is armed."""
 
@@ -135,7 +151,7 @@ class Remark:
         return self.text
 
 
-Step = Command | SetInputs | WriteVariable | WriteObject | Inject | TakeBack | Remark
+Step = Command | SetInputs | WriteVariable | WriteObject | WriteParameter | Inject | TakeBack | Remark
 
 
 @dataclass(frozen=True)
@@ -192,6 +208,11 @@ class Performer:
                 bench.axis(step.axis).write(step.path, step.value)
             case WriteObject():
                 return bench.node(step.node).sdo.download(step.index, step.sub, step.data)
+            case WriteParameter():
+                transfer = ParameterTransfer()
+                port = parameter_port(bench, step.node)
+                port.write_parameter(step.number, step.index, step.code, step.value, transfer.answer)
+                return transfer
             case Inject():
                 return self.injector.arm(step.fault)
             case TakeBack():
@@ -216,6 +237,57 @@ class Performer:
             inputs["cam"] = self._bench.cam(str(inputs["cam"]))
         positional = [inputs.pop(name) for name in COMMANDS[step.name] if name in inputs]
         return method(*positional, **inputs)
+
+
+class ParameterPort(Protocol):
+    """A drive whose parameters the controller reads and writes by data record 47."""
+
+    has_parameters: bool
+
+    def read_parameter(self, number: int, index: int, answer: Callable[[float | None, str], object]) -> None:
+        """Read an element."""
+
+    def write_parameter(
+        self, number: int, index: int, code: int, value: float, answer: Callable[[float | None, str], object]
+    ) -> None:
+        """Write an element."""
+
+
+class ParameterTransfer:
+    """An access to a parameter that has begun."""
+
+    def __init__(self) -> None:
+        self.value: float | None = None
+        """What was read or written."""
+        self.reason = ""
+        """Why it failed."""
+        self._ended = False
+
+    def answer(self, value: float | None, reason: str) -> None:
+        """Take the answer of the drive."""
+        self.value, self.reason, self._ended = value, reason, True
+
+    def done(self) -> bool:
+        """Return whether it has ended."""
+        return self._ended
+
+    @property
+    def ok(self) -> bool:
+        """Whether the drive has carried it out."""
+        return self._ended and self.value is not None
+
+
+def parameter_port(bench: Bench, node: str) -> ParameterPort:
+    """Return the port to a drive on Modbus with a parameter channel.
+
+    Raises:
+        ConfigurationError: There is none of this name, or its register map has no such channel.
+
+    """
+    port: Any = bench.port(node)
+    if not hasattr(port, "write_parameter") or not port.has_parameters:
+        raise ConfigurationError("parameters", node, "a drive on Modbus with data record 47")
+    return port  # type: ignore[no-any-return]
 
 
 def leading_object(bench: Bench, name: str) -> Any:

@@ -24,6 +24,7 @@ from hil.cockpit.steps import (
     TakeBack,
     TimedStep,
     WriteObject,
+    WriteParameter,
     WriteVariable,
 )
 from hil.errors import CannotRunError
@@ -326,6 +327,15 @@ class _Writer:
                     (Code(f"0x{step.index:04X}", step.index), sub, data),
                 )
                 self._statement(number, call)
+            case WriteParameter():
+                self._used.add("bench")
+                self._statement(
+                    number,
+                    Call(
+                        f"bench.port({literal(step.node)}).write_parameter",
+                        (step.number, step.index, step.code, step.value),
+                    ),
+                )
             case Inject():
                 self._statement(number, self._inject(step))
             case TakeBack():

@@ -1,4 +1,4 @@
-"""Reading parameters of a drive through the registers of data record 47 (PD-326 to PD-333); nothing waits.
+"""Access to parameters of a drive through the registers of data record 47 (PD-326 to PD-333); nothing waits.
 
 One request at a time: control word, header and request are written, then the answer
 is asked for until it is there.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from struct import Struct
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from fieldbus.clock import MS
 from fieldbus.modbus.client import Outcome, Result
@@ -41,8 +41,16 @@ _ERRORS: Final = (
 )
 
 
-class Ds47Reader:
-    """The queue of reads.
+class _Access(NamedTuple):
+    number: int
+    element: int
+    written: requests.Values | None
+    """What is written; None: it is read."""
+    answer: Answer
+
+
+class Ds47Client:
+    """The queue of accesses.
 
     Args:
         scheduler: Time.
@@ -55,23 +63,34 @@ class Ds47Reader:
         self._scheduler = scheduler
         self._submit = submit
         self._first = first
-        self._queue: deque[tuple[int, int, Answer]] = deque()
+        self._queue: deque[_Access] = deque()
         self._epoch = 0
         self._reference = 0
         self._tries = 0
 
     def read(self, number: int, index: int, answer: Answer) -> None:
         """Queue the read of element `index` of parameter `number`; `answer` is called later, once."""
-        self._queue.append((number, index, answer))
+        self._append(_Access(number, index, None, answer))
+
+    def write(self, number: int, index: int, values: requests.Values, answer: Answer) -> None:
+        """Queue the write of element `index` of parameter `number`; `answer` is called later, once, with the
+        value that was written.
+        """
+        self._append(_Access(number, index, values, answer))
+
+    def _append(self, access: _Access) -> None:
+        self._queue.append(access)
         if len(self._queue) == 1:
             self._begin()
 
     def _begin(self) -> None:
-        number, index, _ = self._queue[0]
+        access = self._queue[0]
         self._tries = 0
         self._reference = self._reference % 0xFF + 1
-        address = requests.Address(number, index, 1)
-        data = requests.Request(self._reference, requests.RequestId.READ, _DRIVE_OBJECT, (address,)).encode()
+        address = requests.Address(access.number, access.element, 1)
+        service = requests.RequestId.READ if access.written is None else requests.RequestId.WRITE
+        values = () if access.written is None else (access.written,)
+        data = requests.Request(self._reference, service, _DRIVE_OBJECT, (address,), values).encode()
         words = (_START, _RECORD | len(data), *Struct(f">{len(data) // 2}H").unpack(data))
         self._submit(
             Request(int(Function.WRITE_MULTIPLE_REGISTERS), self._first, len(words), words),
@@ -85,15 +104,15 @@ class Ds47Reader:
             self._end(None, result.text)
 
     def fail(self, reason: str) -> None:
-        """End all reads: the drive is gone. What still comes belongs to nobody."""
+        """End all accesses: the drive is gone. What still comes belongs to nobody."""
         self._epoch += 1
         waiting = list(self._queue)
         self._queue.clear()
-        for _, _, answer in waiting:
-            answer(None, reason)
+        for access in waiting:
+            access.answer(None, reason)
 
     def _now(self, done: Callable[[Result], object]) -> Callable[[Result], object]:
-        """Return `done`, as long as the reads of now have not been ended."""
+        """Return `done`, as long as the accesses of now have not been ended."""
         epoch = self._epoch
         return lambda result: done(result) if epoch == self._epoch else None
 
@@ -131,17 +150,20 @@ class Ds47Reader:
             self._end(None, str(error))
             return
         entry = answer.results[0] if answer.results else None
+        written = self._queue[0].written
         if answer.reference != self._reference:
             self._end(None, "the answer belongs to another request")
         elif isinstance(entry, requests.Refusal):
             self._end(None, entry.text)
+        elif written is not None:
+            self._end(float(written.values[0]), "")
         elif entry is None or not entry.values or isinstance(entry.values[0], bytes):
             self._end(None, "the answer holds no number")
         else:
             self._end(float(entry.values[0]), "")
 
     def _end(self, value: float | None, reason: str) -> None:
-        _, _, answer = self._queue.popleft()
+        access = self._queue.popleft()
         if self._queue:
             self._begin()
-        answer(value, reason)
+        access.answer(value, reason)

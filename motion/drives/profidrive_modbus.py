@@ -23,8 +23,10 @@ from typing_extensions import override
 
 from fieldbus.errors import ConfigurationError, HilError
 from fieldbus.modbus import ExceptionCode, Outcome, ProcessDataRegisters
+from fieldbus.profidrive import TypeCode
+from fieldbus.profidrive.requests import Values
 from fieldbus.profidrive.words import ZSW1
-from motion.drives._ds47 import Ds47Reader
+from motion.drives._ds47 import Ds47Client
 from motion.drives._link import LinkConfig
 from motion.drives.profidrive import ProfidrivePort, TelegramConfig
 
@@ -47,6 +49,10 @@ _MEANT: Final = frozenset(
 """Exceptions that say that the drive is another one than the map describes: asking again changes nothing
 (MODB-022 to -024).
 """
+
+
+def _ignore(_value: float | None, _reason: str) -> None:
+    """Take an answer that nobody waits for."""
 
 
 class RegisterClient(Protocol):
@@ -163,7 +169,7 @@ class ProfidriveModbusPort(ProfidrivePort):
         self._more: tuple[Request, Callable[[Result], object]] | None = None
         """A request of the parameter channel that waits for its cycle."""
         channel = config.registers.parameters
-        self._parameters = None if channel is None else Ds47Reader(scheduler, self._put_aside, channel)
+        self._parameters = None if channel is None else Ds47Client(scheduler, self._put_aside, channel)
         self.has_parameters = channel is not None
         self._timer: Timer | None = None
         self._fresh: bytes | None = None
@@ -187,12 +193,39 @@ class ProfidriveModbusPort(ProfidrivePort):
 
     @override
     def read_parameter(self, number: int, index: int, answer: Callable[[float | None, str], object]) -> None:
+        self._channel().read(number, index, answer)
+
+    def write_parameter(
+        self,
+        number: int,
+        index: int,
+        code: int,
+        value: float,
+        answer: Callable[[float | None, str], object] = _ignore,
+    ) -> None:
+        """Write element `index` of parameter `number` by data record 47; nothing waits.
+
+        Args:
+            number: PNU, 1..65535.
+            index: Element, from 0.
+            code: Data type (`TypeCode`).
+            value: What is written.
+            answer: Called later, once, with the value, or with None and the reason in words.
+
+        Raises:
+            ConfigurationError: The register map has no parameter channel.
+
+        """
+        exact = float(value) if code == TypeCode.FLOAT32 else int(value)
+        self._channel().write(number, index, Values(code, (exact,)), answer)
+
+    def _channel(self) -> Ds47Client:
         # Data record 47 (PD-326).
         if self._parameters is None:
             raise ConfigurationError(
                 "register map", "without data record 47", "a map with a parameter channel"
             )
-        self._parameters.read(number, index, answer)
+        return self._parameters
 
     # -- start and end
     # ------------------------------------------------------------------------------------------

@@ -48,6 +48,7 @@ const controlState = h("span.control-state", {}, "");
 const controlButton = h("button", { type: "button", onclick: toggleControl }, "Take control");
 const stopButton = h("button.stop", { type: "button", onclick: stop, title: "Stop every axis of the panel (Esc)", "aria-keyshortcuts": "Escape" }, "STOP", h("kbd", {}, "Esc"));
 const banner = h("div.banner", { role: "alert", hidden: true });
+const heldBanner = h("div.banner", { role: "alert", hidden: true });
 const connectionBanner = h("div.banner.lost", { role: "alert", hidden: true });
 
 function toggleControl() {
@@ -106,7 +107,7 @@ function turn(event) {
 
 document.body.append(
   h("a.skip", { href: "#main" }, "Skip to the view"),
-  h("div.top", {}, header, banner, connectionBanner, h("nav", { "aria-label": "Views" }, tabList)),
+  h("div.top", {}, header, banner, heldBanner, connectionBanner, h("nav", { "aria-label": "Views" }, tabList)),
   h("main", { id: "main", tabIndex: -1 }, ...panels.values()),
 );
 
@@ -183,6 +184,8 @@ connection.on("state", (state) => {
   text(controlButton, operates ? "Release control" : "Take control");
   controlButton.disabled = !operates && state.operator !== null;
   time.state(state);
+  text(heldBanner, state.time?.held || "");
+  show(heldBanner, Boolean(state.time?.held));
   for (const view of made.values()) view.state?.(state);
 });
 

@@ -7,20 +7,21 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
+from fieldbus.canopen.sdo_client import SdoJob
 from hil.cockpit.bus_view import MOST_ROWS, BusView
 from hil.cockpit.messages import Message, MessageError
 from hil.cockpit.pane import Handler, Pane
-from hil.cockpit.steps import WriteObject
+from hil.cockpit.parameter_rows import parameter_text, parameter_value
+from hil.cockpit.steps import ParameterTransfer, WriteObject, WriteParameter, parameter_port
 
 if TYPE_CHECKING:
-    from fieldbus.canopen.sdo_client import SdoJob
     from hil.bench.bench import Bench
     from hil.cockpit.client import Client
     from hil.cockpit.session import Session
 
 _Name = Annotated[str, Field(min_length=1, max_length=80)]
 _Index = Annotated[int, Field(ge=0, le=0xFFFF)]
-_Sub = Annotated[int, Field(ge=0, le=0xFF)]
+_Sub = Annotated[int, Field(ge=0, le=0xFFFF)]
 _MOST_JOBS = 200
 
 
@@ -46,7 +47,7 @@ class FrameDetails(Message):
 
 
 class Objects(Message):
-    """Ask for the dictionary of a node."""
+    """Ask for the dictionary of a node, or the parameters of a drive on Modbus."""
 
     operates = False
     kind: Literal["bus.objects"]
@@ -54,7 +55,7 @@ class Objects(Message):
 
 
 class ReadObject(Message):
-    """Read an entry by SDO; the value comes as a document `object`."""
+    """Read an entry by SDO, or a parameter by data record 47; the value comes as a document `object`."""
 
     kind: Literal["bus.read"]
     node: _Name
@@ -63,7 +64,7 @@ class ReadObject(Message):
 
 
 class ChangeObject(Message):
-    """Write an entry by SDO; what came of it comes as a document `object`."""
+    """Write an entry by SDO, or a parameter by data record 47; the outcome comes as a document `object`."""
 
     kind: Literal["bus.write"]
     node: _Name
@@ -88,7 +89,7 @@ class BusPane(Pane):
         self._allow_motion = allow_motion
         self._bench: Bench | None = None
         self._view: BusView | None = None
-        self._jobs: list[tuple[SdoJob, Client, str, int, int, bool]] = []
+        self._jobs: list[tuple[SdoJob | ParameterTransfer, Client, str, int, int, bool]] = []
 
     @property
     def handlers(self) -> Mapping[type[Message], Handler]:
@@ -125,33 +126,55 @@ class BusPane(Pane):
         )
 
     def _read(self, message: ReadObject, client: Client) -> None:
-        entry = self._the_view().entry(message.node, message.index, message.sub)
+        view = self._the_view()
+        assert self._bench is not None  # there is a view of it
+        if message.node in view.on_modbus:
+            view.parameter(message.node, message.index, message.sub)
+            transfer = ParameterTransfer()
+            port = parameter_port(self._bench, message.node)
+            port.read_parameter(message.index, message.sub, transfer.answer)
+            self._note(transfer, client, message, wrote=False)
+            return
+        entry = view.entry(message.node, message.index, message.sub)
         if not entry.readable:
             raise MessageError(f"{message.index:04X}h:{message.sub} of {message.node} is write-only")
-        assert self._bench is not None  # there is a view of it
         job = self._bench.node(message.node).sdo.upload(message.index, message.sub)
         self._note(job, client, message, wrote=False)
 
     def _write(self, message: ChangeObject, client: Client) -> None:
-        data = self._the_view().encoded(message.node, message.index, message.sub, message.value)
+        node, index, sub = message.node, message.index, message.sub
+        view = self._the_view()
+        step: WriteObject | WriteParameter
+        if node in view.on_modbus:
+            found = view.parameter(node, index, sub)
+            step = WriteParameter(node, index, sub, found.type, parameter_value(found, message.value))
+        else:
+            step = WriteObject(node, index, sub, view.encoded(node, index, sub, message.value))
         assert self._bench is not None  # there is a view of it
-        table = self._bench.config.nodes[message.node]
+        config = self._bench.config
+        table = config.drive.get(node) or config.nodes[node]
         if table.device == "physical" and not self._allow_motion:
             raise MessageError(
-                f"{message.node} is a physical device: it is written only by a cockpit started with "
-                "--allow-motion"
+                f"{node} is a physical device: it is written only by a cockpit started with --allow-motion"
             )
-        job = self._session().do(WriteObject(message.node, message.index, message.sub, data))
-        self._note(job, client, message, wrote=True)
+        self._note(self._session().do(step), client, message, wrote=True)
 
-    def _note(self, job: SdoJob, client: Client, message: ReadObject | ChangeObject, *, wrote: bool) -> None:
+    def _note(
+        self,
+        job: SdoJob | ParameterTransfer,
+        client: Client,
+        message: ReadObject | ChangeObject,
+        *,
+        wrote: bool,
+    ) -> None:
         if len(self._jobs) >= _MOST_JOBS:
-            job.cancel()
+            if isinstance(job, SdoJob):
+                job.cancel()
             raise MessageError(f"{_MOST_JOBS} transfers wait already; let bench time pass")
         self._jobs.append((job, client, message.node, message.index, message.sub, wrote))
 
     def pulse(self, now_s: float) -> None:  # noqa: ARG002 - it looks every time
-        """Tell pages of transfers that have ended."""
+        """Send pages the transfers that have ended."""
         if not self._jobs:
             return
         waiting = []
@@ -160,7 +183,6 @@ class BusPane(Pane):
             if not job.done():
                 waiting.append(one)
                 continue
-            text = self._the_view().value_text(node, index, sub, job.data) if job.ok else job.reason
             client.send(
                 {
                     "kind": "object",
@@ -169,11 +191,17 @@ class BusPane(Pane):
                     "sub": sub,
                     "ok": job.ok,
                     "wrote": wrote,
-                    "text": text,
-                    "data": job.data.hex(" ").upper() if job.ok else "",
+                    "text": self._result(job, node, index, sub) if job.ok else job.reason,
+                    "data": job.data.hex(" ").upper() if isinstance(job, SdoJob) and job.ok else "",
                 }
             )
         self._jobs = waiting
+
+    def _result(self, job: SdoJob | ParameterTransfer, node: str, index: int, sub: int) -> str:
+        view = self._the_view()
+        if isinstance(job, SdoJob):
+            return view.value_text(node, index, sub, job.data)
+        return parameter_text(view.parameter(node, index, sub), job.value or 0.0)
 
     def gone(self, client: Client) -> None:
         """Forget what a page has asked for."""
@@ -183,4 +211,9 @@ class BusPane(Pane):
         """Return segments and nodes."""
         if self._bench is None or self._view is None:
             return None
-        return {"segments": list(self._bench.segment_names), "nodes": list(self._view.nodes)}
+        nodes = [{"name": name, "reason": "", "by": "SDO"} for name in self._view.nodes]
+        nodes += [
+            {"name": name, "reason": reason, "by": "data record 47"}
+            for name, reason in self._view.on_modbus.items()
+        ]
+        return {"segments": list(self._bench.segment_names), "nodes": nodes}

@@ -156,6 +156,7 @@ class TimePane(Pane):
             "speed": pace.speed,
             "until": pace.condition_text,
             "met": pace.met,
+            "held": pace.held,
         }
 
 

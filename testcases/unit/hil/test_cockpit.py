@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import struct
+import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -12,10 +14,12 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from hil._commands._cockpit_measurement import latencies, missing
 from hil.bench import load_bench
 from hil.cli import main
+from hil.cockpit.machine import Machine
 from hil.cockpit.messages import RateLimit
+from hil.cockpit.operator import Control
 from hil.cockpit.panes.scope import ScopePane, Subscribe
 from testcases.cockpit_fuzz import fuzz
-from testcases.cockpit_rig import TOKEN, served
+from testcases.cockpit_rig import PATIENCE_S, TOKEN, served
 from testcases.slow_link import SlowLink
 
 pytestmark = pytest.mark.exhaustive
@@ -126,7 +130,8 @@ def test_too_many_messages_end_the_connection():
     """A page that sends faster than the bound is put out."""
     with served(rate=lambda: RateLimit(10.0, 20.0)) as cockpit, cockpit.page() as one:
         for _ in range(40):
-            one.send('{"kind":"life"}')
+            with suppress(ConnectionClosed):  # it has been put out already
+                one.send('{"kind":"life"}')
         one.until(lambda: one.code == 4429, "put out")
 
 
@@ -331,6 +336,13 @@ def test_drawn_messages():
     assert counts["refused"] > 25
 
 
+def wait_for(condition) -> None:
+    end_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
+
+
 class SlowPage:
     """Takes what a page gets, and reads nothing while it is busy."""
 
@@ -408,6 +420,22 @@ def test_slow_network():
         gaps = [number for number, frame in enumerate(one.samples) if frame[1] & 1]
     assert len({one.samples[number][8:12] for number in gaps}) == len(gaps) > 0  # each group once
     assert sum(map(len, one.samples[before : gaps[0]])) < 700_000  # on the server, in the system, on the way
+
+
+def test_a_full_disk_stops_time():
+    """Where the disk has no room for the recording a virtual bench stands still and says why; Run goes on."""
+    room = [10**8]
+    machine = Machine(load_bench("reference"), Control(), room=lambda: room[0])
+    machine.start()
+    try:
+        wait_for(lambda: machine.pace is not None and machine.pace.held)
+        assert "less than 1 GB left" in machine.pace.held
+        assert not machine.pace.running
+        room[0] = 10**10
+        machine.pace.run()
+        assert machine.pace.held == ""
+    finally:
+        machine.stop()
 
 
 def test_figures_of_the_page(monkeypatch):

@@ -152,6 +152,35 @@ def test_frames_objects_and_what_is_refused(operator):
     assert operator.do("session.steps")[-1]["text"] == "drive1: 6065h.00h = 00 10 00 00"
 
 
+def test_parameters_of_a_drive_on_modbus():
+    """They are listed with type and limits, read and written over the bus by data record 47, refused where a
+    limit says so before anything is sent, and a written one is a line of the test; a drive whose register map
+    has no such channel says so.
+    """
+    with served("profidrive_tcp") as cockpit, cockpit.page() as one:
+        one.live()
+        one.do("control.take")
+        one.do("time.run", speed=5.0)
+        (node,) = one.description["panes"]["bus"]["nodes"]
+        assert node == {"name": "drive1", "reason": "", "by": "data record 47"}
+        rows = {row["object"]: row for row in one.do("bus.objects", node="drive1")}
+        ramp = rows["p1120"]
+        assert (ramp["access"], ramp["type"], ramp["low"]) == ("rw", "FLOAT32", 0.0)
+        assert rows["r0002"]["access"] == "r"
+        one.until(lambda: one.state["time_s"] > 1.0, "the drive is there")
+        one.do("bus.write", node="drive1", index=1120, sub=0, value="2.5")
+        one.do("bus.read", node="drive1", index=1120, sub=0)
+        assert ended(one, 2) == [(True, True, "2.5 s"), (True, False, "2.5 s")]
+        assert "a number 0 to" in one.refused("bus.write", node="drive1", index=1120, sub=0, value="-1")
+        assert "read-only" in one.refused("bus.write", node="drive1", index=2, sub=0, value="1")
+        assert "a parameter of drive1" in one.refused("bus.read", node="drive1", index=4, sub=0)
+        one.do("session.hold")
+        text = one.do("session.write", form="pytest", name="ramp")["text"]
+        line = 'bench.port("drive1").write_parameter(1120, 0, TypeCode.FLOAT32, 2.5)'
+        assert f"\n    {line}\n" in text
+        call(text, "profidrive_tcp")
+
+
 def test_a_changed_bench_is_saved_with_its_test(operator):
     """The test of a bench whose text was changed names a file of its own, which is saved next to it."""
     text = load_bench_file("reference").text

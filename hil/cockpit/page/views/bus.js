@@ -25,7 +25,7 @@ class BusView {
     this.foundObjects = h("span.note", { role: "status" }, "");
     this.objectRows = h("tbody", {});
     this.objectTable = h("div.scroll.objects", { tabIndex: 0, role: "region", ariaLabel: "Objects" }, h("table", {}, h("thead", {}, h("tr", {}, ...["Object", "Name", "Type", "Access", "Default", "Value", ""].map((one) => h("th", {}, one)))), this.objectRows));
-    this.noNode = h("p.note", { hidden: true }, "No node of this bench has objects that the controller can reach by SDO.");
+    this.noNode = h("p.note", { hidden: true }, "");
     this.confirm = h("dialog", { ariaLabel: "Write an object" });
     this.element = h(
       "div.bus-view",
@@ -51,9 +51,14 @@ class BusView {
     this.held = false;
     this.hold.setAttribute("aria-pressed", "false");
     this.segment.replaceChildren(...(found?.segments || []).map((one) => h("option", { value: one }, one)));
-    this.node.replaceChildren(...(found?.nodes || []).map((one) => h("option", { value: one }, one)));
-    show(this.noNode, !found?.nodes.length);
-    show(this.objectTable, Boolean(found?.nodes.length));
+    const nodes = found?.nodes || [];
+    const usable = nodes.filter((one) => !one.reason);
+    this.channels = new Map(nodes.map((one) => [one.name, one.by]));
+    this.node.replaceChildren(...nodes.map((one) => h("option", { value: one.name, disabled: Boolean(one.reason), title: one.reason }, one.reason ? `${one.name} (${one.reason})` : one.name)));
+    if (usable.length) this.node.value = usable[0].name;
+    text(this.noNode, nodes.length ? `No object can be read here. ${nodes.map((one) => `${one.name}: ${one.reason}`).join("; ")}.` : "No node of this bench has objects that the controller can reach.");
+    show(this.noNode, !usable.length);
+    show(this.objectTable, usable.length > 0);
     this.objectRows.replaceChildren();
     this.#again();
     if (this.visible) this.#objects();
@@ -148,7 +153,10 @@ class BusView {
   }
 
   async #objects() {
-    if (!this.node.value) return;
+    if (!this.node.value) {
+      this.entries = [];
+      return;
+    }
     const node = this.node.value;
     try {
       this.entries = await this.context.request("bus.objects", { node });
@@ -176,7 +184,7 @@ class BusView {
         const read = one.access.includes("r") ? h("button", { type: "button", disabled: !operates, onclick: () => this.#read(one) }, "Read") : null;
         const write = one.access.includes("w") ? h("button", { type: "button", disabled: !operates, onclick: () => this.#write(one) }, "Write \u2026") : null;
         const bounds = one.low !== null && one.high !== null ? `${one.low} to ${one.high}` : "";
-        return h("tr", {}, h("td", {}, h("code", {}, one.object)), h("td", {}, one.name), h("td", { title: bounds }, one.type), h("td", {}, one.access), h("td.default-of", {}, String(one.default ?? "")), value, h("td.actions", {}, read, write));
+        return h("tr", {}, h("td", {}, h("code", {}, one.object)), h("td", {}, one.name, one.note ? h("span.note", {}, ` ${one.note}`) : null), h("td", { title: bounds }, one.type), h("td", {}, one.access), h("td.default-of", {}, String(one.default ?? "")), value, h("td.actions", {}, read, write));
       }),
     );
   }
@@ -188,7 +196,9 @@ class BusView {
   #write(one) {
     const node = this.node.value;
     const input = h("input", { type: "text", required: true, autocomplete: "off", value: typeof one.default === "number" ? String(one.default) : "" });
-    const bounds = one.low !== null && one.high !== null ? `${one.low} to ${one.high}, also 0x1F or 1Fh` : "text or bytes in hexadecimal";
+    const channel = this.channels.get(node);
+    const plain = channel === "SDO" ? "text or bytes in hexadecimal" : "a number";
+    const bounds = one.low !== null && one.high !== null ? `${one.low} to ${one.high}${channel === "SDO" ? ", also 0x1F or 1Fh" : ""}` : plain;
     const cancel = h("button", { type: "button", onclick: () => this.confirm.close() }, "Cancel");
     const form = h(
       "form",
@@ -202,7 +212,7 @@ class BusView {
       h("h2", {}, `Write ${one.object} of ${node}`),
       h("p", {}, one.name),
       field(`New value (${one.type})`, input, ""),
-      h("p.note", {}, `Allowed: ${bounds}. The device gets it at once, by SDO.`),
+      h("p.note", {}, `Allowed: ${bounds}. The device gets it at once, by ${channel}.`),
       h("div.row", {}, h("button.primary", { type: "submit" }, "Write"), cancel),
     );
     this.confirm.replaceChildren(form);
@@ -219,7 +229,8 @@ class BusView {
       text(cell, shown);
       mark(cell, "bad-text", !document.ok);
     }
-    const name = `${document.index.toString(16).toUpperCase().padStart(4, "0")}h of ${document.node}`;
+    const found = this.entries.find((one) => one.index === document.index && one.sub === document.sub);
+    const name = `${found?.object ?? document.index} of ${document.node}`;
     if (document.wrote) toast(document.ok ? `${name} is written: ${document.text}` : `${name}: ${document.text}`, document.ok ? "info" : "error");
     else if (!document.ok) toast(`${name}: ${document.text}`, "error");
   }
