@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
@@ -140,7 +141,8 @@ def _s7_desk(bench: Bench, name: str, folder: Path) -> S7Desk:
         advise=answers.add,
         alive=False,
     )
-    return S7Desk(bench.axis(name), session, answers.take, bench.recorder.reader(f"{name}.actual_torque"))
+    torque = bench.recorder.reader(f"{name}.actual_torque")
+    return S7Desk(bench.axis(name), session, answers.take, torque, bench.cam_names)
 
 
 def _nc_desk(bench: Bench, name: str) -> NcDesk:
@@ -157,6 +159,7 @@ class S7Desk:
         session: Carries its commands out.
         answer: Returns what the session has said since the last call.
         torque: Returns its actual torque, Nm; None where there is none.
+        cams: Names of the cams that it may follow by.
 
     """
 
@@ -166,7 +169,9 @@ class S7Desk:
         session: PanelSession,
         answer: Callable[[], str],
         torque: Callable[[], float | None],
+        cams: Sequence[str],
     ) -> None:
+        self._cams = list(cams)
         self._axis = axis
         self._session = session
         self._answer = answer
@@ -187,6 +192,8 @@ class S7Desk:
             "deceleration": read("DynamicLimits.MaxDeceleration"),
             "jerk": read("DynamicLimits.MaxJerk"),
         }
+        with suppress(HilError):  # a virtual axis has no drive
+            limits["torque"] = read("Actor.DriveParameter.ReferenceTorque")
         if position:
             limits["following_error"] = read("FollowingError.MaxValue")
             if axis.object.modulo.enabled:
@@ -203,6 +210,7 @@ class S7Desk:
             "units": {name.lower(): unit for name, unit in self._units.items()},
             "limits": limits,
             "leaders": self._leaders,
+            "cams": self._cams if self._leaders else [],
             "commands": self.commands,
         }
 
@@ -257,6 +265,8 @@ class S7Desk:
                 found["synchronous"] = (
                     f"{job.instruction}, {'synchronous' if job.synchronous else 'synchronises'}"
                 )
+                leader = axis.object.leader
+                found["leader"] = None if leader is None else leader.name
         return found
 
     def execute(self, name: str, values: list[str | float]) -> str:

@@ -1,6 +1,7 @@
 // An axis as on a control panel: what it does, and what an operator does with it.
 
 import { Panel, dot } from "../plot.js";
+import { COMMANDS as FOLLOWING, Following } from "../following.js";
 import { Homing } from "../homing.js";
 import { field, h, mark, number, show, short, text, unit } from "../dom.js";
 
@@ -64,6 +65,7 @@ class AxisView {
     this.velocity = new Value("Velocity", 2);
     this.following = new Value("Following error", 4);
     this.torque = new Value("Torque", 3);
+    this.output = new Value("Output", 2);
     this.enable = h("button.primary.operate", { type: "button", onclick: () => this.#enable() }, "Enable");
     this.give = h("button.operate", { type: "button", title: "Disable the axis and give it back to the user program", onclick: () => this.#do("release") }, "Give back");
     this.acknowledge = h("button.operate", { type: "button", title: "Acknowledge alarms; what they disabled stays off until Enable", onclick: () => this.#do(this.kind === "nc" ? "f8" : "ack") }, "Acknowledge");
@@ -89,7 +91,7 @@ class AxisView {
         h(
           "div.column",
           {},
-          h("section.card", {}, h("div.head", {}, (this.title = h("h2", {}, "Axis")), h("span.spacer"), this.badges), this.alarms, this.notes, h("div.values", {}, this.position.element, this.velocity.element, this.following.element, this.torque.element)),
+          h("section.card", {}, h("div.head", {}, (this.title = h("h2", {}, "Axis")), h("span.spacer"), this.badges), this.alarms, this.notes, h("div.values", {}, this.position.element, this.velocity.element, this.following.element, this.torque.element, this.output.element)),
           h("section.card.charted", {}, h("div.head", {}, h("h2", {}, `Last ${SHOWN_S} s`), h("span.spacer"), h("button", { type: "button", onclick: () => this.#toScope() }, "Open in the scope")), this.charts),
           this.homing.element,
         ),
@@ -112,8 +114,9 @@ class AxisView {
             h("form", { onsubmit: (event) => this.#move(event, "abs") }, h("div.row", {}, field("Target or distance", this.target), this.targetUnit), h("div.row", {}, h("button.operate", { type: "submit" }, "To target"), (this.relative = h("button.operate", { type: "button", onclick: (event) => this.#move(event, "rel") }, "By distance")), h("button", { type: "button", onclick: () => this.#stop() }, "Stop"))),
             (this.homeForm = h("form", { onsubmit: (event) => this.#home(event) }, h("div.row", {}, field("Home position", this.home), this.homeUnit, h("button.operate", { type: "submit" }, "Home")))),
           ),
+          (this.gears = new Following((name, values) => this.#do(name, values))).element,
           h("section.card", {}, h("h2", {}, "Dynamics"), h("div.dynamics", {}, ...[...this.dynamics.values()].map((one) => one.form))),
-          (this.moreCard = h("details.card", {}, (this.moreTitle = h("summary", {}, "Other commands")), this.more)),
+          h("details.card", {}, h("summary", {}, "Other commands"), this.more),
         ),
       ),
     );
@@ -253,16 +256,16 @@ class AxisView {
     this.position.begin(units.length, limits.position);
     this.velocity.begin(units.velocity, [-limits.velocity, limits.velocity]);
     this.following.begin(units.length, limits.following_error ? [-limits.following_error, limits.following_error] : null);
-    this.torque.begin("Nm", null);
+    this.torque.begin("Nm", limits.torque ? [-limits.torque, limits.torque] : null);
+    this.output.begin("%", [-100, 100]);
     text(this.targetUnit, unit(position ? units.length : units.velocity));
     text(this.homeUnit, unit(units.length));
     for (const [dynamic, one] of this.dynamics) text(one.after, unit(units[dynamic === "velocity" ? "velocity" : dynamic === "jerk" ? "jerk" : "acceleration"]));
     show(this.give, this.kind === "s7");
     show(this.relative, this.kind === "s7");
     show(this.homeForm, position);
-    this.more.replaceChildren(...Object.entries(found.commands).filter(([one]) => !BASIC.includes(one)).map(([one, [usage, meaning]]) => this.#command(one, usage, meaning)));
-    this.moreCard.open = found.leaders.length > 0;
-    text(this.moreTitle, found.leaders.length ? `Gears and cams after ${found.leaders.join(" or ")}, other commands` : "Other commands");
+    this.more.replaceChildren(...Object.entries(found.commands).filter(([one]) => !BASIC.includes(one) && !FOLLOWING.includes(one)).map(([one, [usage, meaning]]) => this.#command(one, usage, meaning)));
+    this.gears.begin(found, this.described);
     this.filled = false;
     this.homing.begin(name);
     this.#chart();
@@ -358,6 +361,9 @@ class AxisView {
     this.following.set(now.following_error);
     this.torque.set(now.torque);
     show(this.torque.element, now.torque !== null && now.torque !== undefined);
+    this.output.set(now.output);
+    show(this.output.element, now.output !== null && now.output !== undefined);
+    this.gears.state(now, state.axis, may);
     this.homing.state(now.state === "homing" || (now.job || "").startsWith("MC_Home"));
     this.#badges(now);
     this.#alarms(now);

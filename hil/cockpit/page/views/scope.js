@@ -31,7 +31,7 @@ class ScopeView {
   // -- elements
 
   #parts() {
-    this.search = h("input", { type: "search", placeholder: "position, x_drive, torque \u2026", ariaLabel: "Search signals", oninput: () => this.#list(), onkeydown: (event) => this.#first(event) });
+    this.search = h("input", { type: "search", placeholder: "axis1 position, torque \u2026", ariaLabel: "Search signals", oninput: () => this.#list(), onkeydown: (event) => this.#first(event) });
     this.list = h("div.signal-list", { role: "group", ariaLabel: "Signals" });
     this.runButton = h("button.primary", { type: "button", title: "Show what comes; hold what is shown (space bar)", onclick: () => this.#toggle() }, "Hold");
     this.window = h("select", { ariaLabel: "Length of the window", onchange: () => this.#setLength(Number(this.window.value)) }, WINDOWS.map((value) => h("option", { value }, value < 1 ? `${value * 1000} ms` : `${value} s`)));
@@ -175,7 +175,10 @@ class ScopeView {
 
   bench(bench) {
     this.source = bench.source;
-    this.known = new Map((bench.panes.scope || []).map((one) => [one.name, one]));
+    // The axes come first: they are what is looked at most.
+    const axes = Object.keys(bench.panes.axis?.axes || {});
+    const rank = (one) => (axes.includes(one.name.slice(0, one.name.indexOf("."))) ? 0 : 1);
+    this.known = new Map([...(bench.panes.scope || [])].sort((a, b) => rank(a) - rank(b)).map((one) => [one.name, one]));
     this.bands = [];
     this.history = [];
     this.cursors = { A: null, B: null };
