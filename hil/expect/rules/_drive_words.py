@@ -433,7 +433,8 @@ EMCY_FRAMES: Final = Rule(
 
 
 def _acknowledged(drive: DriveView) -> Judged | None:
-    if not drive.has("controlword", "statusword", "state"):
+    # Drives of some personalities reset their faults themselves.
+    if not drive.has("controlword", "statusword", "state") or drive.number("standard") == 0.0:
         return None
     bit = drive.word("controlword") & 1 << 7 != 0
     edge = np.zeros(len(bit), dtype=bool)

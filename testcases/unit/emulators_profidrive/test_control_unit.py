@@ -7,34 +7,11 @@ from __future__ import annotations
 import pytest
 
 from emulators.drive.profidrive.control_unit import TELEGRAMS, ControlUnit
-from fieldbus.clock import MS, US, VirtualScheduler
+from fieldbus.clock import US
 from fieldbus.errors import ConfigurationError
-from fieldbus.profidrive import describe_word, telegram
+from fieldbus.profidrive import describe_word
 from fieldbus.profidrive.sign_of_life import next_sign
-
-CONTROL, ACKNOWLEDGE, PING = 0x0400, 0x0080, 0x0001
-CYCLE = 4 * MS
-
-
-class Rig:
-    def __init__(self, number=391, **options):
-        self.scheduler = VirtualScheduler()
-        self.unit = ControlUnit(self.scheduler, number=number, **options)
-        self.layout = telegram(number)
-        self.sign = 0
-        self.counts = True
-
-    def cycle(self, word=CONTROL, *, count=1, **signals):
-        """Make bus cycles; returns the last answer."""
-        for _ in range(count):
-            if self.counts:
-                self.sign = next_sign(self.sign)
-            values = {"CU_STW1": word | self.sign << 12, **signals}
-            assert self.unit.receive(self.layout.setpoint.encode(values))
-            self.unit.cycle()
-            answer = self.layout.actual.decode(self.unit.transmit())
-            self.scheduler.run_for(CYCLE)
-        return answer
+from testcases.campaigns._control_unit_rig import ACKNOWLEDGE, CONTROL, PING, Rig
 
 
 @pytest.mark.requirement(
