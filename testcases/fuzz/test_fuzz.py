@@ -13,7 +13,7 @@ from testcases.fuzz.frames import LONGEST, encode, frames
 from testcases.fuzz.targets import targets
 
 INPUTS = {
-    "medium": 20,
+    "medium": 6,
     "sdo": 2_000,
     "slave": 300,
     "master": 150,
