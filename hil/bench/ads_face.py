@@ -24,18 +24,7 @@ from fieldbus.ads import (
     variable,
 )
 from fieldbus.errors import ConfigurationError
-from motion.nc.blocks import (
-    MC_Halt,
-    MC_Home,
-    MC_Jog,
-    MC_MoveAbsolute,
-    MC_MoveRelative,
-    MC_MoveVelocity,
-    MC_Power,
-    MC_Reset,
-    MC_SetPosition,
-    MC_Stop,
-)
+from motion.nc.blocks import MC_Power
 from motion.nc.interface import (
     NC_TO_PLC,
     NC_TO_PLC_SIZE,
@@ -44,6 +33,7 @@ from motion.nc.interface import (
     STATUS_BITS,
     PlcToNc,
 )
+from motion.nc.library import COMMANDS
 from motion.nc.parameters import catalogue
 from motion.nc.symbols import symbol_prefix
 
@@ -53,18 +43,11 @@ if TYPE_CHECKING:
     from motion.nc.tasks import NcRuntime
 
 BLOCKS: Final[Mapping[str, type[Block]]] = {
-    "Power": MC_Power,
-    "Reset": MC_Reset,
-    "SetPosition": MC_SetPosition,
-    "Home": MC_Home,
-    "MoveAbsolute": MC_MoveAbsolute,
-    "MoveRelative": MC_MoveRelative,
-    "MoveVelocity": MC_MoveVelocity,
-    "Jog": MC_Jog,
-    "Halt": MC_Halt,
-    "Stop": MC_Stop,
+    name.removeprefix("MC_"): one
+    for name, one in COMMANDS.items()
+    if one is MC_Power or not {"Master", "Enable"} & one.inputs.keys()
 }
-"""Instances that the PLC calls for every axis."""
+"""Instances that the PLC calls for every axis: they need no other one, and do nothing by themselves."""
 _OUTPUTS: Final = ("Status", "Done", "Busy", "Active", "InVelocity", "CommandAborted", "Error", "ErrorID")
 _TYPES: Final = {"bool": "BOOL", "uint32": "UDINT", "float": "LREAL", "enum": "DINT"}
 """Type of a parameter -> type of its symbol."""

@@ -6,8 +6,9 @@ import json
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.errors import ConfigurationError
-from hil.fuzz._nc_jobs import BLOCKS, NC_JOBS, PACKET, RELEASE, WRITE
+from hil.fuzz._nc_jobs import NC_JOBS, PACKET, RELEASE, WRITE
 from motion.nc.blocks import MC_GearIn, MC_Power
+from motion.nc.library import COMMANDS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -72,7 +73,7 @@ class NcHands:
             self._call(step.job, dict(given))
 
     def _call(self, name: str, inputs: dict[str, Any]) -> None:
-        block = BLOCKS[name]
+        block = COMMANDS[name]
         if name == MC_GearIn.block:
             inputs["Master"] = self._master(inputs["Master"])
         if "Execute" in block.inputs:

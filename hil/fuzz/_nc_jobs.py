@@ -6,66 +6,16 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Final
 
 from hil.faults import Parameter
-from motion.nc.blocks import (
-    Block,
-    MC_ExtSetPointGenDisable,
-    MC_ExtSetPointGenEnable,
-    MC_GearIn,
-    MC_GearOut,
-    MC_Halt,
-    MC_Home,
-    MC_Jog,
-    MC_MoveAbsolute,
-    MC_MoveAdditive,
-    MC_MoveContinuousAbsolute,
-    MC_MoveContinuousRelative,
-    MC_MoveModulo,
-    MC_MoveRelative,
-    MC_MoveVelocity,
-    MC_Power,
-    MC_Reset,
-    MC_SetPosition,
-    MC_Stop,
-)
-from motion.nc.correction_blocks import (
-    MC_BacklashCompensation,
-    MC_MoveSuperImposed,
-    MC_PositionCorrectionLimiter,
-)
+from motion.nc.blocks import MC_GearIn, MC_GearOut
+from motion.nc.library import COMMANDS
 from motion.nc.parameters import catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from motion.nc.blocks import Block
     from motion.nc.parameters import Value
 
-BLOCKS: Final[Mapping[str, type[Block]]] = {
-    one.block: one
-    for one in (
-        MC_Power,
-        MC_Reset,
-        MC_SetPosition,
-        MC_Home,
-        MC_MoveAbsolute,
-        MC_MoveRelative,
-        MC_MoveAdditive,
-        MC_MoveModulo,
-        MC_MoveVelocity,
-        MC_MoveContinuousAbsolute,
-        MC_MoveContinuousRelative,
-        MC_MoveSuperImposed,
-        MC_Halt,
-        MC_Stop,
-        MC_Jog,
-        MC_ExtSetPointGenEnable,
-        MC_ExtSetPointGenDisable,
-        MC_BacklashCompensation,
-        MC_PositionCorrectionLimiter,
-        MC_GearIn,
-        MC_GearOut,
-    )
-}
-"""Blocks that a program may call, by name."""
 WRITE: Final = "write_parameter"
 RELEASE: Final = "release"
 PACKET: Final = "external_setpoint"
@@ -135,13 +85,13 @@ def _inputs(block: type[Block]) -> tuple[Parameter, ...]:
 
 
 NC_JOBS: Final[dict[str, tuple[Parameter, ...]]] = {
-    **{name: _inputs(block) for name, block in BLOCKS.items()},
+    **{name: _inputs(block) for name, block in COMMANDS.items()},
     RELEASE: (
         Parameter(
             "block",
             "text",
             "Block whose last instance gets Execute, Enable and the jog inputs FALSE",
-            choices=tuple(BLOCKS),
+            choices=tuple(COMMANDS),
             required=True,
         ),
     ),

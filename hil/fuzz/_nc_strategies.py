@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Final
 
 from hypothesis import strategies as st
 
-from hil.fuzz._nc_jobs import BLOCKS, COUPLED, ONLINE, PACKET, RELEASE
+from hil.fuzz._nc_jobs import COUPLED, ONLINE, PACKET, RELEASE
 from motion.nc.blocks import HomingMode, JogMode, MC_GearIn
 from motion.nc.commands import BufferMode
+from motion.nc.library import COMMANDS
 from motion.nc.modulo import Direction
 
 if TYPE_CHECKING:
@@ -88,7 +89,7 @@ def block_inputs(masters: Sequence[str] = ()) -> dict[str, Inputs]:
             "direction": st.integers(-1, 1),
         },
     }
-    for name in BLOCKS:
+    for name in COMMANDS:
         known.setdefault(name, {})
     if masters:
         known[MC_GearIn.block] = {

@@ -66,13 +66,24 @@ def test_members_lie_where_the_image_has_them(image, members):
     empty = image().pack()
     for name, kind, offset in members:
         one = image()
-        setattr(one, name, 1)
+        source = f"{name[6:9]}Pos" if name.startswith("Modulo") else ""
+        if source:  # it follows from a position
+            one.modulo_factor = 2.0
+            setattr(one, source, 3.0)
+            empty_then = bytearray(empty)
+            for other, of, place in members:
+                if other == source or (other != name and other.startswith(f"Modulo{source[:3]}")):
+                    struct.pack_into(formats[of], empty_then, place, 3 if other == source else 1)
+        else:
+            setattr(one, name, 1)
+            empty_then = empty
         packed = one.pack()
         assert struct.unpack_from(formats[kind], packed, offset) == (1,)
         size = struct.calcsize(formats[kind])
-        assert packed[:offset] + packed[offset + size :] == empty[:offset] + empty[offset + size :]
+        assert packed[:offset] + packed[offset + size :] == empty_then[:offset] + empty_then[offset + size :]
     left_out = {name for name in image.__slots__ if not name.startswith("CamCoupling")} - {
-        one[0] for one in members
+        "modulo_factor",
+        *(one[0] for one in members),
     }
     assert not left_out
 
