@@ -26,7 +26,7 @@ from hil.bench.segments import Segments
 from hil.bench.vocabulary import bench_vocabulary
 from hil.bench.waiting import UnmetWait, check_condition, checked_ns
 from hil.errors import ExpectationFailedError, UnsupportedFaultError, name_the
-from hil.record import Recorder, Trace, Vocabulary
+from hil.record import STORE_EVERY_NS, Recorder, Trace, Vocabulary
 from motion.s7.call_log import CallLog
 from motion.s7.runtime import Runtime
 
@@ -56,8 +56,6 @@ if TYPE_CHECKING:
     from motion.s7.handles import AxisHandle, EncoderHandle, MeasuringInputHandle, ProxyHandle
 
 _GC_THRESHOLD: Final = 100_000
-_STORING_NS: Final = 50 * MS
-"""From one step of writing a long recording of a live bench to the next."""
 _INJECTOR: Final = 'faults.inject("drive.fault", ...): `faults` is a fixture, else hil.Injector(bench)'
 _INSTEAD: Final = {
     "axes": 'bench.axis("x"), with a name of bench.axis_names',
@@ -158,7 +156,7 @@ class Bench:
             self._control.start()
             if self.kind == "live":
                 # A step of it is far shorter than a cycle; all at once would hold up the axes.
-                self.scheduler.every(_STORING_NS, self.recorder.store_a_little)
+                self.scheduler.every(STORE_EVERY_NS, self.recorder.store_a_little)
             self._closing = stack.pop_all()
 
     @staticmethod
@@ -694,7 +692,7 @@ class Bench:
             return trace
         remote.fetch()
         return Trace(
-            [*trace.groups, *remote.groups.values()],
+            [*trace.groups, *remote.groups],
             events=sorted([*trace.events, *remote.events], key=lambda event: event.time_ns),
             frames={bus: trace.raw_frames(bus) for bus in trace.buses},
             constants=trace.constants,

@@ -29,7 +29,7 @@ from hil.bench.emulated import DeviceBuilder, EmulatedDevices
 from hil.bench.io_config import StationTable
 from hil.bench.remote_calls import PARAMETER_METHODS, REMOTE_METHODS, RemoteError
 from hil.bench.segment_config import CanTable, RtuTable, TcpTable
-from hil.record import Recorder
+from hil.record import STORE_EVERY_NS, Recorder
 
 if TYPE_CHECKING:
     from emulators.drive.profidrive import DriveParameters
@@ -41,6 +41,9 @@ if TYPE_CHECKING:
 _ORPHAN_S: Final = 3.0
 """How long the process may take to end by itself when its bench is gone."""
 _FOREVER_S: Final = 3600.0
+_FETCHED: Final = 256 * 1024
+_FETCHED_EVENTS: Final = 500
+"""Bytes of rows and events in one reply: a matter of a millisecond or two."""
 
 
 class DriveHost:
@@ -53,7 +56,7 @@ class DriveHost:
             segment; None keeps the bench file's. The drives of a segment with a bridge are on its far side.
         origin_ns: Value of the monotonic clock that is time zero; None: now.
         seed: Seed of the drives' random streams.
-        record: Whether frames, signals and events are kept for `execute("fetch")`. Without a record the
+        record: Whether signals and events are kept for `execute("fetch")`. Without a record the
             host may run for weeks; `history` then calls its listeners and keeps nothing.
 
     Raises:
@@ -82,8 +85,10 @@ class DriveHost:
         self.released = False
         self._config = config.model_copy(update={"bench": config.bench.model_copy(update={"kind": "live"})})
         try:
-            self._open(place, keep_log=record)
-            if not record:
+            self._open(place)
+            if record:
+                self.scheduler.every(STORE_EVERY_NS, self.recorder.store_a_little)
+            else:
                 self.history.listen(lambda _event: self.history.events.clear())
             builder = DeviceBuilder(
                 self._config,
@@ -98,7 +103,7 @@ class DriveHost:
             raise
         self.devices.power_on()
 
-    def _open(self, place: Mapping[str, Any] | None, *, keep_log: bool) -> None:
+    def _open(self, place: Mapping[str, Any] | None) -> None:
         from fieldbus.can.live import LiveSegment
 
         for name, section in self._config.segment.items():
@@ -113,7 +118,8 @@ class DriveHost:
                 ),
                 name=name,
                 history=self.history,
-                keep_log=keep_log,
+                # The bench records the frames of its buses itself.
+                keep_log=False,
                 # A drive keeps running when its bus is down, or no node acknowledges.
                 lossy=True,
             )
@@ -144,7 +150,7 @@ class DriveHost:
         """
         call = str(command.get("call"))
         if call == "fetch":
-            return self._fetch()
+            return self._fetch(**command.get("kwargs", {}))
         name = str(command.get("drive"))
         part = self.devices.find(name)
         arguments: Sequence[Any] = command.get("args", ())
@@ -158,19 +164,31 @@ class DriveHost:
         result: object = method(*arguments, **command.get("kwargs", {}))
         return result
 
-    def _fetch(self) -> dict[str, Any]:
+    def _fetch(self, rows: Mapping[str, int], events: int) -> dict[str, Any]:
+        """Return what has been recorded since: so little at a time that the drives are not held up.
+
+        Args:
+            rows: Number of rows of each group that the bench has; none: 0.
+            events: Number of events that it has.
+
+        """
+        left = _FETCHED
+        found: dict[str, dict[str, Any]] = {}
+        for group in self.recorder.groups:
+            width = 8 * (1 + len(group.columns))
+            content = group.content_from(rows.get(group.name, 0), left // width)
+            left -= len(content)
+            found[group.name] = {
+                "columns": group.columns,
+                "enums": {
+                    column: {str(k): v for k, v in texts.items()} for column, texts in group.enums.items()
+                },
+                "content": base64.b64encode(content).decode("ascii"),
+            }
         return {
-            "groups": {
-                group.name: {
-                    "columns": group.columns,
-                    "enums": {
-                        column: {str(k): v for k, v in texts.items()} for column, texts in group.enums.items()
-                    },
-                    "content": base64.b64encode(group.content()).decode("ascii"),
-                }
-                for group in self.recorder.groups
-            },
-            "events": self.history.events,
+            "groups": found,
+            "events": self.history.events[events : events + _FETCHED_EVENTS],
+            "more": left < _FETCHED // 2 or len(self.history.events) > events + _FETCHED_EVENTS,
             "lateness_s": self.scheduler.worst_lateness_ns / S,
         }
 

@@ -27,7 +27,7 @@ from hil.bench.encoders import ENCODER_METHODS
 from hil.bench.remote_calls import STATION_METHODS, RemoteError
 from hil.errors import BlockedError
 from hil.faults import DRIVE_METHODS
-from hil.record import TraceGroup
+from hil.record import ReceivedRows, TraceGroup
 
 if TYPE_CHECKING:
     from fieldbus.clock import RealtimeScheduler, Scheduler
@@ -205,9 +205,9 @@ class RemoteDevices:
 
     def __init__(self, config: BenchConfig, scheduler: RealtimeScheduler, *, seed: int) -> None:
         self._scheduler = scheduler
-        self.groups: dict[str, TraceGroup] = {}
-        """Records of the devices as of the last `fetch`."""
+        self._rows: dict[str, ReceivedRows] = {}
         self.events: list[Event] = []
+        """Events of the devices as of the last `fetch`."""
         self.lateness_s = 0.0
         """Worst lateness in the drive process as of the last fetch, s."""
         process = self._process = _idle.pop() if _idle else DriveProcess()
@@ -268,21 +268,25 @@ class RemoteDevices:
         return reply.get("result")
 
     def fetch(self) -> None:
-        """Get the records of the drive process."""
-        if self._process.gone:
-            return
-        result = self.call("fetch", None)
-        self.groups = {
-            name: TraceGroup.from_bytes(
-                name,
-                tuple((column, unit) for column, unit in group["columns"]),
-                {column: {int(k): v for k, v in texts.items()} for column, texts in group["enums"].items()},
-                base64.b64decode(group["content"]),
-            )
-            for name, group in result["groups"].items()
-        }
-        self.events = [Event(int(t), source, kind, data) for t, source, kind, data in result["events"]]
-        self.lateness_s = float(result["lateness_s"])
+        """Get what the drive process has recorded since the last time."""
+        while not self._process.gone:
+            had = {name: rows.rows for name, rows in self._rows.items()}
+            result = self.call("fetch", None, kwargs={"rows": had, "events": len(self.events)})
+            for name, group in result["groups"].items():
+                columns = tuple((column, unit) for column, unit in group["columns"])
+                enums = {c: {int(k): v for k, v in texts.items()} for c, texts in group["enums"].items()}
+                if name not in self._rows:
+                    self._rows[name] = ReceivedRows(name, columns, enums)
+                self._rows[name].add(base64.b64decode(group["content"]))
+            self.events += [Event(int(t), source, kind, data) for t, source, kind, data in result["events"]]
+            self.lateness_s = float(result["lateness_s"])
+            if not result["more"]:
+                break
+
+    @property
+    def groups(self) -> list[TraceGroup]:
+        """Records of the devices as of the last `fetch`."""
+        return [rows.so_far() for rows in self._rows.values()]
 
     def close(self) -> None:
         """Take the drives off the bus; the process stays for the next bench."""

@@ -11,7 +11,8 @@ from hil.record._compare import Difference, first_difference
 from hil.record._frames import BusFrame, PackedFrames
 from hil.record._homing import homing_drawings
 from hil.record._kinds import EVENT_KINDS, check_event_kind
-from hil.record._recorder import MEMORY_MB, Group, Recorder
+from hil.record._received_rows import ReceivedRows
+from hil.record._recorder import MEMORY_MB, STORE_EVERY_NS, Group, Recorder
 from hil.record._select import EventSelector, event, kind_matches
 from hil.record._signal import Direction, Signal
 from hil.record._trace import Trace, TraceFrame, TraceGroup, protocol_of
@@ -28,12 +29,14 @@ __all__ = [
     "EVENT_DETAILS",
     "EVENT_KINDS",
     "MEMORY_MB",
+    "STORE_EVERY_NS",
     "BusFrame",
     "Difference",
     "Direction",
     "EventSelector",
     "Group",
     "PackedFrames",
+    "ReceivedRows",
     "Recorder",
     "Signal",
     "Trace",

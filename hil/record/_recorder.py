@@ -25,6 +25,8 @@ ROWS_PER_CHUNK: Final = 512
 """Rows of one buffer; a full buffer is set aside and a new one begun."""
 MEMORY_MB: Final = 128
 """Memory of a recording from which on it goes to disk, unless the bench file says otherwise, MB."""
+STORE_EVERY_NS: Final = 50_000_000
+"""From one call of `Recorder.store_a_little` to the next on a live bench, ns."""
 _EVENT_BYTES: Final = 700
 """What an event takes in memory, about."""
 _EVENTS_KEPT: Final = 1024
@@ -200,18 +202,29 @@ class Group:
             del self._chunks[:chunks]
             self._dropped += chunks * ROWS_PER_CHUNK
 
-    def content_from(self, row: int) -> bytes:
-        """Return the rows from number `row` on, as `content` does, as far as they are kept."""
-        place = max(0, row - self._dropped)
-        parts: list[bytes | bytearray | memoryview] = []
-        if self._file is not None and place < self._stored:
-            parts.append(self._file.content(place, self._stored - place))
-        skipped = max(0, place - self._stored) * self._stride
-        for chunk in self._chunks:
-            if skipped < self._end:
-                parts.append(memoryview(chunk)[skipped:])
-            skipped = max(0, skipped - self._end)
-        parts.append(memoryview(self._buffer)[: self._offset][skipped:])
+    def content_from(self, row: int, most: int | None = None) -> bytes:
+        """Return the rows from number `row` on, as `content` does, as far as they are kept.
+
+        Args:
+            row: Number of the first row.
+            most: Number of rows at most; None: all.
+
+        """
+        first = max(0, row - self._dropped)
+        end = self.rows - self._dropped
+        if most is not None:
+            end = min(end, first + most)
+        parts: list[bytes | memoryview] = []
+        if self._file is not None and first < self._stored:
+            parts.append(self._file.content(first, min(end, self._stored) - first))
+        begin = self._stored
+        stride = self._stride
+        for held in [*(memoryview(one) for one in self._chunks), memoryview(self._buffer)[: self._offset]]:
+            place, size = max(first - begin, 0), len(held) // stride
+            behind = min(end - begin, size)
+            if place < behind:
+                parts.append(held[place * stride : behind * stride])
+            begin += size
         return b"".join(parts)
 
     def content(self) -> bytes:
