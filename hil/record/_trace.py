@@ -481,37 +481,39 @@ class Trace:
                 for column, texts in group.enums.items()
             }
             groups.append({"name": group.name, "columns": group.columns, "enums": enums})
-        content = {
+        head = {
             "format": _FORMAT,
             "end_ns": self.end_ns,
             "digest": self.digest(),
             "constants": self.constants,
             "groups": groups,
-            "events": [list(entry) for entry in self.events],
-            "vocabulary": None if self.vocabulary is None else self.vocabulary.as_dict(),
         }
         archive.parent.mkdir(parents=True, exist_ok=True)
         with archive.open("wb") as stream:
             np.savez_compressed(stream, allow_pickle=False, **arrays)
         with document.open("w", encoding="utf-8") as text:
-            text.write(_compact(content)[:-1])
-            text.writelines(self._frames_as_json())
-            text.write("}")
+            text.writelines(self._document(head))
         return archive, document
 
-    def _frames_as_json(self) -> Iterator[str]:
-        """Return the member `frames` of a saved trace in pieces: all rows of a log at once take ten times the
-        memory of its frames.
-        """
-        before = ',"frames":{'
-        for bus, log in self._raw_frames.items():
-            yield f"{before}{_compact(bus)}:["
-            rows = (_compact(_row_of(*entry)) for entry in log)
-            yield from islice(rows, 1)
-            yield from (f",{row}" for row in rows)
-            yield "]"
-            before = ","
-        yield "}" if self._raw_frames else f"{before}}}"
+    def _document(self, head: dict[str, object]) -> Iterator[str]:
+        """Return the JSON of a saved trace piece by piece."""
+        encode = json.JSONEncoder(separators=(",", ":"), default=_plain).encode
+
+        def listed(entries: Iterator[list[object]]) -> Iterator[str]:
+            before = "["
+            while part := list(islice(entries, _PART)):
+                yield before + encode(part)[1:-1]
+                before = ","
+            yield "[]" if before == "[" else "]"
+
+        yield encode(head)[:-1] + ',"events":'
+        yield from listed(list(entry) for entry in self.events)
+        yield ',"frames":{'
+        for number, (bus, log) in enumerate(self._raw_frames.items()):
+            yield f"{',' if number else ''}{encode(bus)}:"
+            yield from listed(_row_of(*entry) for entry in log)
+        vocabulary = None if self.vocabulary is None else self.vocabulary.as_dict()
+        yield f'}},"vocabulary":{encode(vocabulary)}}}'
 
     @classmethod
     def load(cls, path: str | Path) -> Trace:
@@ -548,11 +550,6 @@ class Trace:
 
 
 _PART: Final = 65_536
-
-
-def _compact(value: object) -> str:
-    """Return JSON without spaces."""
-    return json.dumps(value, separators=(",", ":"), default=_plain)
 
 
 def _copied(log: Sequence[_T]) -> Sequence[_T]:
