@@ -11,7 +11,7 @@ from hil.campaign import Campaign, CaseContext
 from testcases.campaigns._instruction_jobs import stage
 from testcases.campaigns._instruction_outputs import Outputs
 
-_HERE: Final = "testcases.campaigns._instruction_makes"
+_HERE: Final = "testcases.campaigns.instruction_makes"
 _WRONG_OBJECT: Final = 0x8002
 _NEW_IN_V9: Final = ("absolute-buffered", "relative-buffered", "halt-basic")
 """Jobs with inputs that came with technology version V9.0."""
