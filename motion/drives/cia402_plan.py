@@ -284,6 +284,8 @@ def _why_not(entries: Mapping[int, Entry], missing: Sequence[int]) -> Iterator[s
             yield f"{named(key)} does not exist"
         elif not _mappable(entry, transmit=key in (STATUS, POSITION)):
             yield f"{named(key)} cannot be mapped"
+        elif not entry.integer:
+            yield f"{named(key)} is no whole number"
         else:
             free.append(named(key))
     if free:
@@ -465,7 +467,7 @@ def _place_as_asked(
             entry = entries.get(key)
             if entry is None:
                 raise ConfigurationError(where, named(key), "an object of the drive")
-            if not entry.bits or not _mappable(entry, transmit=transmit):
+            if not (entry.bits and entry.integer and _mappable(entry, transmit=transmit)):
                 raise ConfigurationError(where, named(key), f"an object that a {slot.name[:4]} can carry")
             if not transmit and key not in _SENT:
                 raise ConfigurationError(
@@ -513,7 +515,7 @@ def _place(
                 fixed.used = True
                 continue
             entry = entries.get(key)
-            if entry is None or not entry.bits or not _mappable(entry, transmit=transmit):
+            if entry is None or not (entry.bits and entry.integer and _mappable(entry, transmit=transmit)):
                 lacking.append(key)
                 continue
             room = [slot for slot in ([empty] if empty else []) if _room(slot, entry)]

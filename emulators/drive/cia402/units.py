@@ -28,15 +28,18 @@ _POLARITY_VELOCITY: Final = 0x40
 _POLARITY_TORQUE: Final = 0x20
 
 
-def velocity_unit_rad_s(unit: int, user_position_rad: float = 1.0, increment_rad: float = 1.0) -> float:
+def velocity_unit_rad_s(
+    unit: int, user_position_rad: float = 1.0, increment_rad: float = 1.0, position_unit: int = 0
+) -> float:
     """Return the size of a velocity unit of 60A9h at the motor shaft, rad/s.
 
     Args:
         unit: Value of 60A9h: 0 = not specified, taken as rpm; otherwise bits 31..24 decimal exponent,
-            23..16 numerator (B4h revolution, B5h increment, 00h position unit), 15..8 denominator (47h
-            minute, 03h second), 7..0 zero.
+            23..16 numerator (B4h revolution, B5h increment, 00h position unit, or the unit that 60A8h has:
+            01h metre, 41h degree, ...), 15..8 denominator (47h minute, 03h second), 7..0 zero.
         user_position_rad: Size of the position unit at the motor shaft, rad.
         increment_rad: Size of an increment of the encoder, rad.
+        position_unit: Value of 60A8h; its exponent and its unit are those of the position unit.
 
     Raises:
         ConfigurationError: The unit is not known.
@@ -44,9 +47,11 @@ def velocity_unit_rad_s(unit: int, user_position_rad: float = 1.0, increment_rad
     """
     if unit == 0:
         unit = _RPM
-    exponent = unit >> 24 & 0xFF
-    exponent -= 0x100 if exponent > 0x7F else 0
+    exponent = _exponent(unit)
     numerator = unit >> 16 & 0xFF
+    if numerator not in (_REVOLUTION, _INCREMENT, 0) and numerator == position_unit >> 16 & 0xFF:
+        exponent -= _exponent(position_unit)
+        numerator = 0
     denominator = unit >> 8 & 0xFF
     if (
         numerator not in (_REVOLUTION, _INCREMENT, 0)
@@ -55,12 +60,21 @@ def velocity_unit_rad_s(unit: int, user_position_rad: float = 1.0, increment_rad
         or abs(exponent) > 9
     ):
         raise ConfigurationError(
-            "60A9h", f"{unit:08X}h", "xxB44700h (rpm), xxB40300h (1/s), xxB50300h (inc/s), xx000300h (pu/s)"
+            "60A9h",
+            f"{unit:08X}h",
+            "xxB44700h (rpm), xxB40300h (1/s), xxB50300h (inc/s), xx000300h (pu/s), "
+            "or the unit of 60A8h per second",
         )
     size = {_REVOLUTION: _TAU, _INCREMENT: increment_rad, 0: user_position_rad}[numerator]
     if denominator == _MINUTE:
         size /= 60.0
     return size * 10.0**exponent if exponent >= 0 else size / 10.0**-exponent
+
+
+def _exponent(unit: int) -> int:
+    """Return the decimal exponent of a unit."""
+    exponent = unit >> 24 & 0xFF
+    return exponent - 0x100 if exponent > 0x7F else exponent
 
 
 def round_half_away(numerator: int, denominator: int) -> int:
@@ -103,6 +117,7 @@ class Units:
         self.turn = 0
         """Position units after which positions of a rotary axis repeat (607Bh); 0 = a linear axis."""
         self._lowest = 0
+        self._position_unit = 0
         self.speed_increments = float(counts_per_revolution)
         """What 6069h shows at one motor revolution per second (6090h)."""
 
@@ -124,7 +139,8 @@ class Units:
 
         increments = ratio(0x608F) * ratio(0x6091) / ratio(0x6092) * ratio(0x6093)
         position = float(increments) * _TAU / self._counts
-        velocity = velocity_unit_rad_s(values[0x60A900], position, _TAU / self._counts)
+        position_unit = int(values.get(0x60A800, 0))
+        velocity = velocity_unit_rad_s(values[0x60A900], position, _TAU / self._counts, position_unit)
         velocity *= float(ratio(0x6096) * ratio(0x6094))
         acceleration = velocity * float(ratio(0x6097))
         speed_increments = float(ratio(0x6090))
@@ -141,6 +157,7 @@ class Units:
         self.velocity_sign = -1 if polarity & _POLARITY_VELOCITY else 1
         self.torque_sign = -1 if polarity & _POLARITY_TORQUE else 1
         self._lowest = lowest
+        self._position_unit = position_unit
         self.turn = 0 if lowest >= highest or (lowest, highest) == RANGE_OFF else highest - lowest + 1
         self.plain = increments == 1 and self.position_sign == 1 and not self.turn
 
@@ -151,7 +168,7 @@ class Units:
             ConfigurationError: The unit is not known.
 
         """
-        return velocity_unit_rad_s(unit, self.position, _TAU / self._counts)
+        return velocity_unit_rad_s(unit, self.position, _TAU / self._counts, self._position_unit)
 
     def to_user_position(self, increments: int) -> int:
         """Return a number of increments in position units, 32 bits (rounded to

@@ -64,6 +64,20 @@ def test_velocity_units(unit: int, size: float):
     assert velocity_unit_rad_s(unit, 0.5) == pytest.approx(size, rel=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("unit", "position_unit", "size"),
+    [
+        (0xFD010300, 0xFD010000, 0.5),  # mm/s, mm
+        (0xFD010300, 0xFA010000, 500.0),  # mm/s, um
+        (0x00014700, 0xFD010000, 500.0 / 60.0),  # m/min, mm
+        (0xFF410300, 0x00410000, 0.05),  # 0.1 degrees a second, degrees
+    ],
+)
+def test_velocity_units_of_the_position_unit(unit: int, position_unit: int, size: float):
+    """60A9h in the unit of 60A8h, whatever prefix each of them has; the position unit is 0.5 rad here."""
+    assert velocity_unit_rad_s(unit, 0.5, 1.0, position_unit) == pytest.approx(size, rel=1e-12)
+
+
 @pytest.mark.parametrize("unit", [0x00014700, 0x00B40000, 0x00B44701, 0x7FB44700])
 def test_unknown_velocity_units_are_refused(unit: int):
     """A unit that the drive cannot compute with is refused, not taken for something else."""

@@ -68,6 +68,9 @@ CASES = {
 }  # fmt: skip
 
 
+REAL_POSITION = "[6064]\nParameterName=Position\nDataType=8\nAccessType=ro\nPDOMapping=1\n"
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_a_drive_is_commissioned_moved_and_stopped(tmp_path, case):
     """The plan takes what the EDS has and says what is lost; the axis is enabled, moves and stops."""
@@ -115,6 +118,11 @@ def test_node_guarding_watches_a_drive_without_heartbeat(tmp_path):
         ({"changed": {0x6502: "0x21"}}, "", "csv: 6502h = 00000021h does not have it.*ip: 6502h"),
         ({"changed": {0x6502: "0x2F"}}, 'mode = "csv"\n', "csv: 6502h = 0000002Fh does not have it"),
         ({"without": (0x6064,)}, "", "csv: 6064h does not exist"),
+        (
+            {"without": (0x6064,), "more": REAL_POSITION},
+            "",
+            "csv: 6064h is no whole number",
+        ),
         (
             {"fixed": (0x1400,), "records": {0x1600: (0x60400010,)}, "count": 1},
             "",
