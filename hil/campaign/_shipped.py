@@ -70,6 +70,7 @@ SHIPPED: Final = (
     ShippedCampaign("can_bus", seeding=("own",)),
     ShippedCampaign("can_adapter", seeding=("own",)),
     ShippedCampaign("ads_device", seeding=("own",)),
+    ShippedCampaign("analog_drive", seeding=("own",)),
     ShippedCampaign("bus_log", seeding=("own",)),
     ShippedCampaign("node_guarding", seeding=("own",)),
     ShippedCampaign("nc_axes", seeding=("own",)),

@@ -18,6 +18,7 @@ from hil.campaign import SHIPPED, CaseSettings, execute_case, load_bench_file, r
 from reports.model import Verdict
 from testcases.campaigns import (
     ads_device,
+    analog_drive,
     axis_faults,
     axis_motion,
     axis_options,
@@ -213,7 +214,7 @@ def bench_file(name):
         *cases(WITH_ENCODERS.format("REFERENCE"), "cia402", [external_encoder.CAMPAIGN], sampled=True),
         *cases(WITH_ENCODERS.format("PROFIDRIVE"), "profidrive", [external_encoder.CAMPAIGN], sampled=True),
         *some(CAN_BUS, "cia402", [can_bus.CAMPAIGN, canopen_device.CAMPAIGN, can_adapter.CAMPAIGN]),
-        *some(CAN_BUS, "cia402", [modbus_stations.CAMPAIGN, ads_device.CAMPAIGN]),
+        *some(CAN_BUS, "cia402", [modbus_stations.CAMPAIGN, ads_device.CAMPAIGN, analog_drive.CAMPAIGN]),
         *some("testcases.campaigns.personalities:RETRY", "cia402", [personalities.OF_RETRY]),
         *some(CAN_BUS, "profidrive", [encoder_states.CAMPAIGN, pulse_module.CAMPAIGN, control_unit.CAMPAIGN]),
         *some(f"{GUARDED}:BENCH", "profidrive", [profidrive_safety.CAMPAIGN]),

@@ -24,7 +24,9 @@ from testcases.campaigns._ads_client import (
 )
 from testcases.campaigns.support import equal
 
-CAMPAIGN: Final = Campaign("ads device", tags=("ads",), bench="testcases.campaigns.can_bus:BENCH")
+CAMPAIGN: Final = Campaign(
+    "ads device", controller="", tags=("ads",), bench="testcases.campaigns.can_bus:BENCH"
+)
 DATA, BY_HANDLE, BY_NAME = Group.PLC_DATA, Group.SYMBOL_VALUE_BY_HANDLE, Group.SYMBOL_HANDLE_BY_NAME
 
 

@@ -11,7 +11,9 @@ from fieldbus.can import CanFrame
 from hil.campaign import Campaign, CaseContext
 from testcases.campaigns.support import equal
 
-CAMPAIGN: Final = Campaign("can adapter", tags=("can",), bench="testcases.campaigns.can_bus:BENCH")
+CAMPAIGN: Final = Campaign(
+    "can adapter", controller="", tags=("can",), bench="testcases.campaigns.can_bus:BENCH"
+)
 MS: Final = 1_000_000
 BELL: Final = "\a"
 

@@ -24,7 +24,7 @@ BENCH: Final = BenchFile(
     '[bench]\nname = "can bus"\nkind = "virtual"\ncycle_ms = 4\n[segment.can0]\n'
     '[encoder.encoder1]\nsegment = "can0"\nnode_id = 9\ntype = "multi_turn"\n',
 )
-CAMPAIGN: Final = Campaign("can bus", tags=("can",), bench="testcases.campaigns.can_bus:BENCH")
+CAMPAIGN: Final = Campaign("can bus", controller="", tags=("can",), bench="testcases.campaigns.can_bus:BENCH")
 US, MS = 1_000, 1_000_000
 ACTIVE, PASSIVE, OFF = NodeState.ERROR_ACTIVE, NodeState.ERROR_PASSIVE, NodeState.BUS_OFF
 STANDARD, EXTENDED = 11, 29

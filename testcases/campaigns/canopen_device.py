@@ -25,7 +25,9 @@ from testcases.campaigns.can_bus import Segment
 from testcases.campaigns.canopen_services import LOAD, SAVE, clauses
 from testcases.campaigns.support import equal
 
-CAMPAIGN: Final = Campaign("canopen device", tags=("canopen",), bench="testcases.campaigns.can_bus:BENCH")
+CAMPAIGN: Final = Campaign(
+    "canopen device", controller="", tags=("canopen",), bench="testcases.campaigns.can_bus:BENCH"
+)
 NODE: Final = 33
 SERVER, CLIENT, EMCY, BEAT = 0x580 + NODE, 0x600 + NODE, 0x80 + NODE, 0x700 + NODE
 DOMAIN: Final = 0x2002

@@ -30,7 +30,10 @@ interlock = "quick_stop"
 """,
 )
 CAMPAIGN: Final = Campaign(
-    "cia402 details", tags=("drive", "cia402"), bench="testcases.campaigns.cia402_details:BENCH"
+    "cia402 details",
+    controller="",
+    tags=("drive", "cia402"),
+    bench="testcases.campaigns.cia402_details:BENCH",
 )
 RUN: Final = 0x7F
 """Operation enabled with the three bits of the ramp of vl."""

@@ -11,7 +11,9 @@ from hil.campaign import Campaign, CaseContext
 from testcases.campaigns._control_unit_rig import ACKNOWLEDGE, CONTROL, PING, US, Rig
 from testcases.campaigns.support import equal
 
-CAMPAIGN: Final = Campaign("control unit", tags=("telegram",), bench="testcases.campaigns.can_bus:BENCH")
+CAMPAIGN: Final = Campaign(
+    "control unit", controller="", tags=("telegram",), bench="testcases.campaigns.can_bus:BENCH"
+)
 PROBES: Final = {390: 0, 391: 2, 392: 6, 393: 8, 394: 0}
 
 

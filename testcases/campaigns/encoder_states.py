@@ -40,7 +40,7 @@ from testcases.campaigns._encoder_rows import (
 from testcases.campaigns.support import equal
 
 CAMPAIGN: Final = Campaign(
-    "encoder states", tags=("encoder", "telegram"), bench="testcases.campaigns.can_bus:BENCH"
+    "encoder states", controller="", tags=("encoder", "telegram"), bench="testcases.campaigns.can_bus:BENCH"
 )
 _IN: Final = {0x0003: PARK, 0x0008: ABSOLUTE, 0x000A: ABSOLUTE}
 """Control words in which lasting errors show; the others show at once or in a state."""

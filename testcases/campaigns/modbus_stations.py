@@ -46,7 +46,9 @@ from fieldbus.modbus.export import write_serial_capture, write_tcp_capture
 from hil.campaign import Campaign, CaseContext
 from testcases.campaigns.support import equal
 
-CAMPAIGN: Final = Campaign("modbus stations", tags=("modbus",), bench="testcases.campaigns.can_bus:BENCH")
+CAMPAIGN: Final = Campaign(
+    "modbus stations", controller="", tags=("modbus",), bench="testcases.campaigns.can_bus:BENCH"
+)
 MS: Final = 1_000_000
 UNIT: Final = 5
 IDENTITY: Final = {0: b"ACME", 1: b"D-1", 2: b"1.0", 4: b"drive", 0x80: b"extra"}

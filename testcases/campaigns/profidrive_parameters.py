@@ -13,6 +13,7 @@ from testcases.campaigns.support import equal
 
 CAMPAIGN: Final = Campaign(
     "profidrive parameters",
+    controller="",
     tags=("modbus", "profidrive"),
     bench="testcases.campaigns.modbus_services:TCP",
 )

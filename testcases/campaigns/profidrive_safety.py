@@ -44,10 +44,16 @@ sbt_time_ms = 300.0
 """,
 )
 CAMPAIGN: Final = Campaign(
-    "profidrive safety", tags=("telegram",), bench="testcases.campaigns.profidrive_safety:BENCH"
+    "profidrive safety",
+    controller="",
+    tags=("telegram",),
+    bench="testcases.campaigns.profidrive_safety:BENCH",
 )
 FUNCTIONS: Final = Campaign(
-    "profidrive setpoints", tags=("telegram",), bench="testcases.campaigns.profidrive_speed:BENCH"
+    "profidrive setpoints",
+    controller="",
+    tags=("telegram",),
+    bench="testcases.campaigns.profidrive_speed:BENCH",
 )
 """The setpoint channel, on the bench of the speed mode."""
 STO, SS1, SS2, SOS, SLS = 0x0001, 0x0002, 0x0004, 0x0008, 0x0010

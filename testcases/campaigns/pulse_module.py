@@ -10,7 +10,9 @@ from hil.campaign import Campaign, CaseContext
 from testcases.campaigns._pto_rig import RUN, S1, S2, S3, S4, S5A, S5B, SEQUENCE, Rig
 from testcases.campaigns.support import equal
 
-CAMPAIGN: Final = Campaign("pulse module", tags=("telegram",), bench="testcases.campaigns.can_bus:BENCH")
+CAMPAIGN: Final = Campaign(
+    "pulse module", controller="", tags=("telegram",), bench="testcases.campaigns.can_bus:BENCH"
+)
 MAXIMUM: Final = 0x4000
 ACKNOWLEDGE: Final = 0x8000
 
