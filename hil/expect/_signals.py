@@ -115,7 +115,10 @@ class always(Expectation):
             looked_at &= begun
         if self.condition is not None and looked_at.any():
             looked_at &= np.broadcast_to(np.asarray(self.condition(*columns), dtype=bool), looked_at.shape)
-        lost = np.flatnonzero(looked_at & np.isnan(np.array(columns)).any(axis=0))
+        no_number = np.zeros(len(base), dtype=bool)
+        for column in columns:  # one after the other: those of a long log are large
+            no_number |= np.isnan(column)
+        lost = np.flatnonzero(looked_at & no_number)
         if len(lost):
             return [self._broken(base, columns, int(lost[0]), f"{len(lost)} samples are no numbers")]
         if not looked_at.any():
