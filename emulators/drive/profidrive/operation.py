@@ -16,7 +16,7 @@ from emulators.drive.profidrive.statemachine import Action, AxisState, GeneralSt
 from emulators.drive.profidrive.torque import TorqueLimits
 from emulators.drive.supply import DcLink
 from emulators.events import Emit
-from fieldbus.clock import Scheduler
+from fieldbus.clock import Scheduler, Timer, seconds_to_ns
 from fieldbus.profidrive.sign_of_life import SignOfLife
 from fieldbus.profidrive.words import STW1, STW2
 
@@ -25,6 +25,7 @@ _S1: Final = AxisState.S1
 _S3: Final = AxisState.S3
 _S4: Final = AxisState.S4
 _NOTHING: Final = Action.NOTHING
+_STOPS: Final = (AxisState.S5A, AxisState.S5B)
 _JOG: Final = int(STW1.JOG_1 | STW1.JOG_2)
 _RUN: Final = int(STW1.ON | STW1.NO_OFF2 | STW1.NO_OFF3 | STW1.ENABLE_OPERATION)
 _RUN_OR_JOG: Final = _RUN | _JOG
@@ -82,6 +83,8 @@ class Operation:
         """S3 is not left, whatever the control word says."""
         self._on_locked = self._standstill = False
         self._s3_ns = 0
+        self._closing: Timer | None = None
+        """The brake closes at the end of a stop; until then the motor holds the axis."""
         core.on_standstill = self._on_standstill
 
     @property
@@ -97,6 +100,7 @@ class Operation:
     def reset(self) -> None:
         """Begin as after power-on."""
         old = self.machine.state
+        self._forget_brake()
         self.machine.reset()
         self._on_locked = self._standstill = False
         self._changed(old)
@@ -149,6 +153,7 @@ class Operation:
 
     def _carry_out(self, action: Action) -> None:
         self._standstill = False
+        closing = self._forget_brake()
         if action is Action.ENABLE:
             self._core.enable_pulses()
             self._torque.renew()
@@ -157,10 +162,29 @@ class Operation:
             self._core.inhibit_pulses()
         elif action is not Action.CONTINUE:
             self._mode.stop(quick=action is Action.QUICK_STOP)
+        elif closing:
+            self._core.brake.open()
 
     def _on_standstill(self) -> None:
+        brake = self._core.brake
+        if brake.fitted and brake.closing_time_s > 0.0 and self.machine.state in _STOPS:
+            brake.close()
+            self._closing = self._scheduler.after(seconds_to_ns(brake.closing_time_s), self._stop_finished)
+        else:
+            self._stop_finished()
+
+    def _stop_finished(self) -> None:
+        self._closing = None
         self._standstill = True
         self.act()
+
+    def _forget_brake(self) -> bool:
+        """Wait for the brake no more; returns whether it was on its way."""
+        timer, self._closing = self._closing, None
+        if timer is None:
+            return False
+        timer.cancel()
+        return True
 
     def _changed(self, old: AxisState) -> None:
         new = self.machine.state

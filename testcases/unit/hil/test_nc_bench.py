@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fieldbus.errors import ConfigurationError
+from fieldbus.profidrive.words import ZSW2
 from hil.bench import Bench, load_bench
 from hil.bench.bench_file import parse
 from hil.bench.makes import with_nc_axes
@@ -152,7 +153,7 @@ def _first(signal, since, holds):
 @pytest.mark.parametrize("profile", _PROFILES)
 def test_a_drive_that_loses_its_setpoints_stops_by_itself(profile):
     """Without setpoints, in whatever state the NC is, the drive brakes on its own ramp, closes its brake, and
-    a CiA 402 drive only then gives its torque away; its velocity is never cut off.
+    only then gives its torque away; its velocity is never cut off.
     """
     brake = {"torque_nm": 5.0, "opening_time_ms": 30.0, "closing_time_ms": 40.0}
     reference = load_bench_file("nc-axes:reference" if profile == "cia402" else "nc-axes:profidrive")
@@ -179,9 +180,33 @@ def test_a_drive_that_loses_its_setpoints_stops_by_itself(profile):
     assert 0.15 < stands < 0.35
     closed = _first(trace["drive1.brake_closed"], begun, bool)
     assert stands - 0.03 <= closed
+    # The axis hangs on the motor until the brake holds it.
     if profile == "cia402":
-        # The axis hangs on the motor until the brake holds it.
         off = _first(trace["drive1.statusword"], begun, lambda word: not has_torque(np.array([int(word)]))[0])
-        assert stands <= off
-        assert closed <= off + 0.005
+    else:
+        off = _first(trace["drive1.drive_zsw2"], begun, lambda word: not int(word) & ZSW2.PULSES_ENABLED)
+    assert stands <= off
+    assert closed <= off + 0.005
     assert axis.error_id in {0x4650, 0x4651}
+
+
+@pytest.mark.requirement("PD-111")
+def test_on_while_the_brake_closes_opens_it_again():
+    """OFF1 that is taken back while the brake closes: a PROFIdrive drive goes on operating, and releases its
+    brake.
+    """
+    brake = {"torque_nm": 5.0, "opening_time_ms": 20.0, "closing_time_ms": 200.0}
+    reference = load_bench_file("nc-axes:profidrive")
+    with reference.configured({"drive": {"drive1": {"brake": brake}}}).build(seed=0) as bench:
+        axis = bench.axis(controller="nc")
+        bench.wait_until(axis.power().status, 2.0, "enable")
+        axis.power(False)
+        bench.run_for(0.1)
+        assert bench.drive("drive1").core.enabled
+        bench.wait_until(axis.power().status, 0.05, "operation goes on")
+        move = axis.move_relative(20.0, Velocity=200.0)
+        bench.wait_until(move.done, 2.0, "the brake is open")
+        axis.power(False)
+        bench.run_for(0.4)
+        assert not bench.drive("drive1").core.enabled
+        assert bench.trace()["drive1.brake_closed"].values[-1] == 1.0

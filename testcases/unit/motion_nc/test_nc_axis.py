@@ -147,32 +147,34 @@ def test_software_limits_at_start(subtests):
 
 
 @pytest.mark.requirement("NC-130", "NC-131")
-def test_endless_motion_stops_at_the_limit():
+@pytest.mark.parametrize(("end", "sign", "at_start"), [("max", 1, 0x4461), ("min", -1, 0x4460)])
+def test_endless_motion_stops_at_the_limit(end, sign, at_start):
     """Endless and jog motion stand at the limit; its bit is shown there; the way back is accepted, from
     beyond too.
     """
+    limit, exceeded = f"axis.soft_limit_{end}", f"SoftLimit{end.capitalize()}Exceeded"
     for start in ("move_velocity", "jog"):
-        rig = Rig(axis__soft_limit_max=50.0, axis__soft_limit_max_enable=True).enabled()
+        rig = Rig(**{limit.replace(".", "__"): sign * 50.0, f"axis__soft_limit_{end}_enable": True}).enabled()
         if start == "jog":
-            rig.handle.jog(JogMode.MC_JOGMODE_STANDARD_FAST)
+            rig.handle.jog(JogMode.MC_JOGMODE_STANDARD_FAST, backwards=sign < 0)
         else:
-            rig.handle.move_velocity(300.0)
-        highest = 0.0
-        for _ in range(1000):
+            rig.handle.move_velocity(sign * 300.0)
+        farthest = 0.0
+        for _ in range(600):
             rig.cycles()
-            highest = max(highest, rig.generator.s)
-        assert highest == pytest.approx(50.0)
-        assert highest <= 50.0 + 1e-9
-        rig.handle.write_parameter("axis.soft_limit_max", 49.99)
+            farthest = max(farthest, sign * rig.generator.s)
+        assert farthest == pytest.approx(50.0)
+        assert farthest <= 50.0 + 1e-9
+        rig.handle.write_parameter(limit, sign * 49.99)
         rig.cycles()
-        assert rig.status("SoftLimitMaxExceeded")
+        assert rig.status(exceeded)
         assert not rig.axis.error
-        refused = rig.handle.move_velocity(10.0)
+        refused = rig.handle.move_velocity(sign * 10.0)
         rig.cycles(2)
-        assert refused.ErrorID == 0x4461
-        back = rig.handle.move_absolute(20.0, Velocity=100.0)
+        assert refused.ErrorID == at_start
+        back = rig.handle.move_absolute(sign * 20.0, Velocity=100.0)
         rig.until(back.done)
-        assert not rig.status("SoftLimitMaxExceeded")
+        assert not rig.status(exceeded)
 
 
 @pytest.mark.requirement("NC-734", "NC-735", "NC-028", "NC-029")
@@ -182,8 +184,12 @@ def test_feed_enables(subtests):
         with subtests.test(sign=sign):
             rig = Rig().enabled()
             other = {"positive": sign < 0.0, "negative": sign > 0.0}
-            move = rig.handle.move_velocity(sign * 200.0, Deceleration=2000.0, Jerk=1e6)
-            rig.until(move.in_velocity)
+            move = rig.handle.move_relative(sign * 1000.0, Velocity=200.0, Deceleration=2000.0, Jerk=1e6)
+            rig.handle.move_relative(
+                sign * 1000.0, Velocity=100.0, Deceleration=500.0, BufferMode=BufferMode.Buffered
+            )
+            rig.cycles(200)
+            assert abs(rig.generator.v) == pytest.approx(200.0)
             rig.handle.power(**other)
             at = rig.generator.s
             rig.cycles(2)
@@ -272,10 +278,13 @@ def test_stop():
         rig.until(move.in_velocity)
         stop = rig.handle.stop(**given)
         steepest = 0.0
+        ramps = []
         while not stop.done():
             rig.cycles()
             steepest = max(steepest, -rig.generator.a)
+            ramps.append(-rig.generator.a)
         assert steepest == pytest.approx(expected, rel=1e-3)
+        assert ramps.index(steepest) < 5  # the jerk of the last command, not the default of the axis
         assert move.CommandAborted
         assert rig.status("HasBeenStopped")
         assert rig.status("MotionCommandsLocked")

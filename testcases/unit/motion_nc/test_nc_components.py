@@ -277,6 +277,16 @@ def test_single_turn_restart():
         )
         encoder.begin(round(moved * turn) % turn, Retained(10.0, 0))
         assert encoder.position == pytest.approx(expected, abs=1e-5)
+    for moved, expected in ((0.6, 9.6), (1.4, 10.4)):  # the count has more turns than the encoder knows
+        encoder = _encoder(
+            enc__reference_system="INCREMENTAL (singleturn absolute)",
+            enc__scaling_numerator=1.0,
+            enc__scaling_denominator=float(turn),
+            enc__encoder_mask=4 * turn - 1,
+            enc__encoder_sub_mask=turn - 1,
+        )
+        encoder.begin(round(moved * turn), Retained(10.0, 0))
+        assert encoder.position == pytest.approx(expected, abs=1e-5)
 
 
 @pytest.mark.requirement("NC-273", "NC-278")

@@ -82,9 +82,10 @@ def test_commands_to_a_slave():
     pair.master.until(pair.master.handle.move_velocity(50.0).in_velocity)
     stop = pair.slave.handle.stop(Deceleration=500.0, Jerk=50_000.0)
     velocities = [pair.slave.generator.v]
-    while not stop.done():
+    for _ in range(200):
         pair.cycles(1)
         velocities.append(pair.slave.generator.v)
+    assert stop.done()
     assert velocities[0] == 50.0
     assert max(a - b for a, b in pairwise(velocities)) <= 500.0 * T + 1e-9  # its own ramp
     assert pair.slave.generator.v == 0.0
@@ -158,7 +159,7 @@ def test_pushed_master(subtests):
                 pair.master.enabled()
                 pair.cycles(5)
                 assert pair.slave.axis.motion.s == pytest.approx(0.0, abs=1e-6)
-    for deviation, cycles, error in ((0.9, 400, 0), (1.1, 4, 0), (1.1, 12, 0x4551)):
+    for deviation, cycles, error in ((0.9, 400, 0), (1.1, 5, 0), (1.1, 6, 0x4551)):
         with subtests.test(deviation=deviation, cycles=cycles):
             pair = Pair(
                 1.0,

@@ -212,6 +212,7 @@ def test_signal_types(subtests):
                 rig.cycles(60)
                 level = (kind == "High Active" and first) or (kind == "Low Active" and not first)
                 assert move.Error is level
+                assert any(rig.history.select(kind="axis.fast_stop")) is level
                 if level:
                     assert move.ErrorID == 0x42EF
                     assert rig.axis.motion.s == 0.0

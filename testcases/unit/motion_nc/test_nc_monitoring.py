@@ -1,5 +1,7 @@
 """Windows, in-target alarm, motion monitoring, correction, device data of an NC axis."""
 
+from itertools import product
+
 import pytest
 
 from motion.nc.monitoring import Monitoring
@@ -84,6 +86,7 @@ def test_in_target_alarm():
     assert until_error(500, in_target_alarm=True, inside_after=40) is None
     assert until_error(500, in_target_alarm=True, inside_after=42) == 50
     assert until_error(500, in_target_alarm=True, inside_after=49, target_position_monitoring=False) is None
+    assert until_error(500, in_target_alarm=True, target_position_monitoring=False) == 50
     monitoring = _monitoring(in_target_timeout=0.0, in_target_alarm=True)
     assert _watch(monitoring, 3.0, arrived=True, alarm=True) == 0x435C
 
@@ -304,10 +307,10 @@ def test_op_mode(subtests):
 @pytest.mark.requirement("NC-031", "NC-768", "NC-263")
 def test_wrong_polarity():
     """Positive feedback runs away within the limit of the controller, until the lag ends it."""
-    for key in ("enc.invert_counting_direction", "drv.invert_motor_polarity"):
-        rig = Rig(ctrl__output_limit=0.1).enabled()
+    for key, push in product(("enc.invert_counting_direction", "drv.invert_motor_polarity"), (0.01, -0.01)):
+        rig = Rig(ctrl__output_limit=0.02).enabled()
         rig.handle.write_parameter(key, True)
-        rig.device.position += 0.01
+        rig.device.position += push
         fastest = 0.0
         for _ in range(3000):
             rig.cycles()
@@ -316,7 +319,7 @@ def test_wrong_polarity():
                 break
         assert rig.handle.error_id == 0x4550
         assert abs(rig.axis.following_error) > 5.0
-        assert 0.0 < fastest <= 220.0 + 1e-6
+        assert fastest == pytest.approx(44.0)
         assert rig.device.velocity == 0.0
 
 
