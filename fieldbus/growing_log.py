@@ -8,6 +8,9 @@ from typing import Protocol, TypeVar, overload
 
 T = TypeVar("T")
 
+_READ = 4096
+"""Entries that are read at a time."""
+
 
 class Store(Protocol[T]):
     """Keeps entries in their order, for example in a file; what is in it never changes."""
@@ -20,6 +23,47 @@ class Store(Protocol[T]):
     def __getitem__(self, index: int, /) -> T: ...
 
     def __iter__(self) -> Iterator[T]: ...
+
+    def part(self, first: int, last: int, /) -> Sequence[T]:
+        """Return the entries with numbers from `first` to `last` - 1."""
+
+
+class LogPart(Sequence[T]):
+    """Entries of a log from one number to another; they are read when they are wanted.
+
+    Args:
+        log: The log; it only grows.
+        first: Number of the first entry.
+        last: Number behind the last one.
+
+    """
+
+    def __init__(self, log: Sequence[T], first: int, last: int) -> None:
+        self._log = log
+        self._first = first
+        self._count = max(0, last - first)
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, index: int) -> T: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[T]: ...
+
+    def __getitem__(self, index: int | slice) -> T | list[T]:
+        if isinstance(index, slice):
+            begin, end, step = index.indices(self._count)
+            return list(self._log[self._first + begin : self._first + max(begin, end)])[::step]
+        at = index + self._count if index < 0 else index
+        if not 0 <= at < self._count:
+            raise IndexError(index)
+        return self._log[self._first + at]
+
+    def __iter__(self) -> Iterator[T]:
+        for begin in range(0, self._count, _READ):
+            yield from self[begin : begin + _READ]
 
 
 class GrowingLog(Sequence[T]):
@@ -93,7 +137,13 @@ class GrowingLog(Sequence[T]):
     def __getitem__(self, index: int | slice) -> T | list[T]:
         stored, older = self._stored, self._older
         if isinstance(index, slice):
-            return [self[one] for one in range(*index.indices(len(self)))] if stored else self.newest[index]
+            if older is None:
+                return self.newest[index]
+            begin, end, step = index.indices(len(self))
+            if step != 1:
+                return [self[one] for one in range(begin, end, step)]
+            kept = older.part(begin, min(end, stored)) if begin < min(end, stored) else ()
+            return [*kept, *self.newest[max(begin - stored, 0) : max(end - stored, 0)]]
         if older is None or not stored:
             return self.newest[index]
         at = index + len(self) if index < 0 else index

@@ -6,7 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from hil.expect.rules._definition import Excuses, Flags, Judged, Numbers, Rule, outcome
+from hil.expect.rules._definition import Excuses, Findings, Flags, Judged, Numbers, Rule
+from hil.expect.rules._pieces import pieces
 from hil.record import Trace
 from reports.model import Check
 
@@ -154,8 +155,8 @@ def check_nc_axes(trace: Trace) -> list[Check]:
     if trace.from_log:
         return []
     names = [name.removesuffix(".state_dword") for name in trace.names() if name.endswith(".state_dword")]
-    checks: list[Check | None] = []
-    for name in names:
-        axis = NcAxisView(trace, name)
-        checks += [outcome(rule, axis, name, Excuses([]), 0.0) for rule in NC_RULES]
-    return [check for check in checks if check is not None]
+    found = Findings(NC_RULES)
+    for part, span_s in pieces(trace):
+        for name in names:
+            found.look(name, NcAxisView(part, name), Excuses([]), cycle_s=0.0, span_s=span_s)
+    return found.checks()

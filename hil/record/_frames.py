@@ -29,7 +29,7 @@ _ID: Final = 0x1FFF_FFFF
 _RECORD: Final = struct.Struct("<qIBI8s")
 _FD_RECORD: Final = struct.Struct("<qIBIQ")
 _SIZE: Final = _RECORD.size
-_ROWS: Final = 65_536
+_ROWS: Final = 4096
 """Frames that are read at a time."""
 
 
@@ -132,18 +132,22 @@ class PackedFrames(Sequence[Entry]):
 
     def __getitem__(self, index: int | slice) -> Entry | list[Entry]:
         if isinstance(index, slice):
-            return [self[one] for one in range(*index.indices(len(self)))]
+            begin, end, step = index.indices(len(self))
+            return self.part(begin, max(begin, end))[::step] if step > 0 else [*self][index]
         if index < 0:
             index += len(self)
         if not 0 <= index < len(self):
             raise IndexError(index)
         return self._entry(self._bytes()[index * _SIZE : (index + 1) * _SIZE].tobytes(), 0)
 
+    def part(self, first: int, last: int) -> list[Entry]:
+        """Return the entries with numbers from `first` to `last` - 1."""
+        data = self._bytes()[first * _SIZE : last * _SIZE].tobytes()
+        return [self._entry(data, at) for at in range(0, len(data), _SIZE)]
+
     def __iter__(self) -> Iterator[Entry]:
         for first in range(0, len(self), _ROWS):
-            part = self._bytes()[first * _SIZE : (first + _ROWS) * _SIZE].tobytes()
-            for at in range(0, len(part), _SIZE):
-                yield self._entry(part, at)
+            yield from self.part(first, first + _ROWS)
 
     def _bytes(self) -> NDArray[np.uint8]:
         if self._view is None:

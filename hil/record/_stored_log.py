@@ -56,6 +56,10 @@ class StoredLog(Generic[T]):
         for number in range(len(self._firsts)):
             yield from self._block(number)
 
+    def part(self, first: int, last: int) -> list[T]:
+        """Return the entries with numbers from `first` to `last` - 1."""
+        return [self[index] for index in range(first, last)]
+
     def _block(self, number: int) -> Sequence[T]:
         if self._read is None or self._read[0] != number:
             if self._view is None:

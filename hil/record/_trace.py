@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import zipfile
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from heapq import merge
 from itertools import islice
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldbus.can.frame import CanFrame
-from fieldbus.growing_log import GrowingLog
+from fieldbus.growing_log import GrowingLog, LogPart
 from fieldbus.history import Event, Scalar
 from hil.errors import NotRecordedError, RecordingError
 from hil.record._frames import BusFrame, Entry, FrameLog, PackedFrames
@@ -393,8 +394,15 @@ class Trace:
             return None if entry is None else entry.time_ns * 1e-9 + reference.offset_s
         return float(reference)
 
-    def window(self, start_s: float, end_s: float) -> Trace:
-        """Return what lies between two times, both included; times keep their origin."""
+    def window(self, start_s: float, end_s: float, *, events: Sequence[Event] | None = None) -> Trace:
+        """Return what lies between two times, both included; times keep their origin.
+
+        Args:
+            start_s: Begin, s.
+            end_s: End, s.
+            events: The events of the result; None: those between the two times.
+
+        """
         start, end = round(start_s * 1e9), round(min(end_s, 9e9) * 1e9)
         groups = []
         for group in self._groups.values():
@@ -403,8 +411,12 @@ class Trace:
             groups.append(group._replace(time_ns=group.time_ns[first:last], values=group.values[first:last]))
         return Trace(
             groups,
-            events=[entry for entry in self.events if start <= entry.time_ns <= end],
-            frames={bus: [e for e in log if start <= e[0] <= end] for bus, log in self._raw_frames.items()},
+            events=(
+                [entry for entry in self.events if start <= entry.time_ns <= end]
+                if events is None
+                else events
+            ),
+            frames={bus: _between(log, start, end) for bus, log in self._raw_frames.items()},
             constants=self.constants,
             end_ns=min(self.end_ns, end),
             vocabulary=self.vocabulary,
@@ -552,11 +564,19 @@ class Trace:
 _PART: Final = 65_536
 
 
+def _between(log: FrameLog, start_ns: int, end_ns: int) -> FrameLog:
+    """Return the frames between two times, both included; of a log on disk without reading them."""
+    if isinstance(log, tuple):
+        return [entry for entry in log if start_ns <= entry[0] <= end_ns]
+    first = bisect_left(log, start_ns, key=itemgetter(0))
+    return LogPart(log, first, bisect_right(log, end_ns, key=itemgetter(0)))
+
+
 def _copied(log: Sequence[_T]) -> Sequence[_T]:
     """Return a log that does not change any more; what is on disk stays there."""
     if isinstance(log, GrowingLog):
         return log.copy()
-    if isinstance(log, PackedFrames):
+    if isinstance(log, PackedFrames | LogPart):
         return cast("Sequence[_T]", log)
     return tuple(log)
 

@@ -14,7 +14,8 @@ from hil.expect.rules import (
     _places,
     _ramps,
 )
-from hil.expect.rules._definition import Rule, outcome
+from hil.expect.rules._definition import Findings, Rule
+from hil.expect.rules._pieces import LONGEST, pieces
 from hil.expect.rules._views import AxisView, DriveView, TraceView
 
 if TYPE_CHECKING:
@@ -41,8 +42,10 @@ ALL_RULES: Final[tuple[Rule[Any], ...]] = (*AXIS_RULES, *DRIVE_RULES)
 """All of them; a check is called by the name of its rule, with the component behind it."""
 
 
-def judge(trace: Trace) -> list[Check]:
+def judge(trace: Trace, *, longest: int = LONGEST) -> list[Check]:
     """Return the checks of all rules on all components that they can judge.
+
+    A trace with more than `longest` samples of a component is judged in pieces that overlap.
 
     A bus log shows too little. On a live bench controller and drives record in processes of their own, at
     times that waver: what most rules compare cycle by cycle is not of the same instant there; the others
@@ -51,12 +54,12 @@ def judge(trace: Trace) -> list[Check]:
     if trace.from_log:
         return []
     live = bool(trace.constants.get("bench.live"))
-    view = TraceView(trace)
-    checks: list[Check | None] = []
-    for axis in view.axes.values():
-        of_axis = [rule for rule in AXIS_RULES if rule.live or not live]
-        checks += [outcome(rule, axis, axis.name, axis.excuses, view.cycle_s) for rule in of_axis]
-    for drive in view.drives.values():
-        of_drive = [rule for rule in DRIVE_RULES if rule.live or not live]
-        checks += [outcome(rule, drive, drive.name, drive.excuses, view.cycle_s) for rule in of_drive]
-    return [check for check in checks if check is not None]
+    axes = Findings([rule for rule in AXIS_RULES if rule.live or not live])
+    drives = Findings([rule for rule in DRIVE_RULES if rule.live or not live])
+    for part, span_s in pieces(trace, longest=longest):
+        view = TraceView(part)
+        for axis in view.axes.values():
+            axes.look(axis.name, axis, axis.excuses, cycle_s=view.cycle_s, span_s=span_s)
+        for drive in view.drives.values():
+            drives.look(drive.name, drive, drive.excuses, cycle_s=view.cycle_s, span_s=span_s)
+    return [*axes.checks(), *drives.checks()]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Generic, NamedTuple, TypeVar
 
@@ -93,29 +93,93 @@ class Excuses:
         return excused
 
 
-def outcome(rule: Rule[View], view: View, component: str, excuses: Excuses, cycle_s: float) -> Check | None:
-    """Return the check of a rule on one component; None where it had nothing to judge."""
-    found = rule.judge(view)
-    if found is None:
-        return None
-    judged, broken = found.judged, found.broken
-    if excuses and rule.excused_by and len(judged):
-        recovery_s = rule.recovery_s + rule.recovery_cycles * cycle_s
-        excused = excuses.flags(found.time_s, rule.excused_by, recovery_s)
-        if excused is not None:
-            judged, broken = judged & ~excused, broken & ~excused
-    seen = int(np.count_nonzero(judged))
-    if not seen:
-        return None
-    places = np.flatnonzero(broken)
-    observed, time_s = f"{seen} times", None
-    if len(places):
-        first = int(places[0])
-        more = f"; {len(places)} times in all" if len(places) > 1 else ""
-        observed, time_s = found.describe(first) + more, float(found.time_s[first])
+@dataclass
+class _Tally:
+    """What a rule has found on one component so far."""
+
+    seen: int = 0
+    """How often it could say something."""
+    broken: int = 0
+    time_s: float = 0.0
+    """When it did not hold for the first time."""
+    text: str = ""
+    """And what was wrong then."""
+
+    def add(self, found: Judged, judged: Flags, broken: Flags) -> None:
+        """Count what was found, as far as it counts."""
+        self.seen += int(np.count_nonzero(judged))
+        places = np.flatnonzero(broken)
+        if len(places) and not self.broken:
+            first = int(places[0])
+            self.time_s, self.text = float(found.time_s[first]), found.describe(first)
+        self.broken += len(places)
+
+
+class Findings(Generic[View]):
+    """What rules find on components, in one or several pieces of a trace.
+
+    Args:
+        rules: The rules.
+
+    """
+
+    def __init__(self, rules: Sequence[Rule[View]]) -> None:
+        self._rules = rules
+        self._found: dict[str, list[_Tally]] = {}
+
+    def look(
+        self,
+        component: str,
+        view: View,
+        excuses: Excuses,
+        *,
+        cycle_s: float,
+        span_s: tuple[float, float] | None,
+    ) -> None:
+        """Judge a component by all rules.
+
+        Args:
+            component: Its name.
+            view: What the rules look at.
+            excuses: The faults that hit it.
+            cycle_s: Cycle of the bench, s.
+            span_s: Times from which on and before which findings count, s; None: all do.
+
+        """
+        tallies = self._found.setdefault(component, [_Tally() for _ in self._rules])
+        for rule, tally in zip(self._rules, tallies, strict=True):
+            found = rule.judge(view)
+            if found is None:
+                continue
+            judged, broken = found.judged, found.broken
+            if excuses and rule.excused_by and len(judged):
+                recovery_s = rule.recovery_s + rule.recovery_cycles * cycle_s
+                excused = excuses.flags(found.time_s, rule.excused_by, recovery_s)
+                if excused is not None:
+                    judged, broken = judged & ~excused, broken & ~excused
+            if span_s is not None:
+                inside = (found.time_s >= span_s[0]) & (found.time_s < span_s[1])
+                judged, broken = judged & inside, broken & inside
+            tally.add(found, judged, broken)
+
+    def checks(self) -> list[Check]:
+        """Return a check for every rule and component where there was something to judge."""
+        return [
+            _check(rule, component, tally)
+            for component, tallies in self._found.items()
+            for rule, tally in zip(self._rules, tallies, strict=True)
+            if tally.seen
+        ]
+
+
+def _check(rule: Rule[View], component: str, tally: _Tally) -> Check:
+    observed, time_s = f"{tally.seen} times", None
+    if tally.broken:
+        more = f"; {tally.broken} times in all" if tally.broken > 1 else ""
+        observed, time_s = tally.text + more, tally.time_s
     check = Check(
         name=f"{rule.name} of {component}",
-        verdict=Verdict.FAILED if len(places) else Verdict.PASSED,
+        verdict=Verdict.FAILED if tally.broken else Verdict.PASSED,
         expected=rule.says,
         observed=observed,
         time_s=time_s,

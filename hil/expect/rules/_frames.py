@@ -42,7 +42,7 @@ class Frames(NamedTuple):
 
 
 _NONE = Frames(np.empty(0), np.empty(0, dtype=np.uint8), np.empty(0, dtype=np.uint8))
-_PART: Final = 262_144
+_PART: Final = 65_536
 """Frames of a bus that are put to the others at a time."""
 
 

@@ -16,8 +16,10 @@ from fieldbus.history import History
 from hil import Injector, load_bench
 from hil.bench.bench import Bench
 from hil.errors import RecordingError
+from hil.expect.rules import judge
 from hil.record import Recorder, Trace, first_difference
 from hil.record._recorder import ROWS_PER_CHUNK
+from reports.model import Verdict
 
 
 def _two_segments():
@@ -236,3 +238,29 @@ def test_full_disk_is_said(folder):
             rig.recorder.store()
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_rules_judge_a_long_trace_in_pieces(subtests):
+    """Rules find the same at the same time whether they look at the whole trace or at pieces of it."""
+    trace = run(load_bench("fast").config, seconds=3.0)
+    axis = next(group for group in trace.groups if group.name == "axis1")
+    number = [name for name, _ in axis.columns].index("actual_position")
+    values = axis.values.copy()
+    values[900:, number] += 5.0
+    jump = Trace(
+        [axis._replace(values=values) if group is axis else group for group in trace.groups],
+        events=trace.events,
+        frames={bus: trace.raw_frames(bus) for bus in trace.buses},
+        constants=trace.constants,
+        end_ns=trace.end_ns,
+        vocabulary=trace.vocabulary,
+    )
+    for name, one in (("as it is", trace), ("with a jump", jump)):
+        with subtests.test(name):
+            whole, parts = (
+                {check.name: (check.verdict, check.time_s) for check in judge(one, longest=longest)}
+                for longest in (10_000, 400)
+            )
+            assert parts == whole
+            failed = [verdict for verdict, _ in whole.values() if verdict is Verdict.FAILED]
+            assert bool(failed) is (one is jump)

@@ -1,0 +1,64 @@
+"""A long trace in pieces that overlap: rules hold in memory what they look at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from fieldbus.history import Event
+    from hil.record import Trace
+
+LONGEST: Final = 65_536
+"""Samples of a component up to which a trace is judged in one piece: 260 s with a cycle of 4 ms."""
+_OVERLAP: Final = 2_500
+"""Samples before and behind a piece that its rules see, too: 10 s with a cycle of 4 ms."""
+_WHAT: Final = ("job", "number", "variable", "start", "injection", "fault", "name", "object", "code")
+"""Details that say what an event is about: of each the last one before a piece tells what holds then."""
+
+
+def pieces(trace: Trace, *, longest: int = LONGEST) -> Iterator[tuple[Trace, tuple[float, float] | None]]:
+    """Return the pieces of a trace with the times from which on and before which findings of each count, s;
+    None: all do.
+
+    Args:
+        trace: The trace.
+        longest: Samples of a piece at most, without those of the overlap.
+
+    """
+    most = max(trace.groups, key=lambda group: len(group.time_ns), default=None)
+    if most is None or len(most.time_ns) <= longest:
+        yield trace, None
+        return
+    times = most.time_ns
+    events = iter(trace.events)
+    before: dict[tuple[object, ...], Event] = {}
+    kept: list[Event] = []
+    ahead: Event | None = next(events, None)
+    for first in range(0, len(times), longest):
+        last = min(first + longest, len(times))
+        from_ns, to_ns = (
+            int(times[max(first - _OVERLAP, 0)]),
+            int(times[min(last + _OVERLAP, len(times)) - 1]),
+        )
+        while ahead is not None and ahead.time_ns <= to_ns:
+            kept.append(ahead)
+            ahead = next(events, None)
+        past = [entry for entry in kept if entry.time_ns < from_ns]
+        for entry in past:
+            key = (entry.source, entry.kind, *(entry.data.get(name) for name in _WHAT))
+            before.pop(key, None)
+            before[key] = entry
+        del kept[: len(past)]
+        ending = last == len(times)
+        yield (
+            trace.window(
+                from_ns * 1e-9 if first else 0.0,
+                trace.end_s if ending else to_ns * 1e-9,
+                events=[*before.values(), *kept],
+            ),
+            (
+                float(times[first] * 1e-9) if first else float("-inf"),
+                float("inf") if ending else float(times[last] * 1e-9),
+            ),
+        )
