@@ -30,7 +30,7 @@ def pieces(trace: Trace, *, longest: int = LONGEST) -> Iterator[tuple[Trace, tup
     if most is None or len(most.time_ns) <= longest:
         yield trace, None
         return
-    times = most.time_ns
+    times, overlap = most.time_ns, min(_OVERLAP, longest)
     events = iter(trace.events)
     before: dict[tuple[object, ...], Event] = {}
     kept: list[Event] = []
@@ -38,8 +38,8 @@ def pieces(trace: Trace, *, longest: int = LONGEST) -> Iterator[tuple[Trace, tup
     for first in range(0, len(times), longest):
         last = min(first + longest, len(times))
         from_ns, to_ns = (
-            int(times[max(first - _OVERLAP, 0)]),
-            int(times[min(last + _OVERLAP, len(times)) - 1]),
+            int(times[max(first - overlap, 0)]),
+            int(times[min(last + overlap, len(times)) - 1]),
         )
         while ahead is not None and ahead.time_ns <= to_ns:
             kept.append(ahead)

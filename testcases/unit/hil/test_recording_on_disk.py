@@ -242,11 +242,18 @@ def test_full_disk_is_said(folder):
 
 def test_rules_judge_a_long_trace_in_pieces(subtests):
     """Rules find the same at the same time whether they look at the whole trace or at pieces of it."""
-    trace = run(load_bench("fast").config, seconds=3.0)
+    with load_bench("fast").build() as bench:
+        bench.axis().power()
+        bench.run_for(0.3)
+        bench.axis().home(0.0)
+        bench.run_for(0.1)
+        bench.axis().move_absolute(50.0)
+        bench.run_for(1.6)
+        trace = bench.trace()
     axis = next(group for group in trace.groups if group.name == "axis1")
     number = [name for name, _ in axis.columns].index("actual_position")
     values = axis.values.copy()
-    values[900:, number] += 5.0
+    values[1300:, number] += 5.0
     jump = Trace(
         [axis._replace(values=values) if group is axis else group for group in trace.groups],
         events=trace.events,
