@@ -93,6 +93,7 @@ SHIPPED: Final = (
     ShippedCampaign("monitoring", seeding=("reference", "nc")),
     ShippedCampaign("control", seeding=("profidrive",)),
     ShippedCampaign("instructions", seeding=("own",)),
+    ShippedCampaign("job_dynamics", seeding=("own", "pairwise")),
     ShippedCampaign("instruction_makes", seeding=("own",)),
     ShippedCampaign("axis_options", seeding=("own",)),
     ShippedCampaign("motion_in", seeding=("reference",)),

@@ -272,6 +272,8 @@ def _limit_passed(axis: AxisView) -> Judged | None:
         for entry in events.of(axis.name, "program.write")
         if str(entry.data.get("variable")).startswith(("PositionLimits", "Dynamic", "Override"))
     ]
+    if axis.number("PositionLimits_SW.LimitReachedBehavior") != 0.0:
+        changes += events.of(axis.name, "job.active")  # one that brakes less may come too late (LIM-084)
     jobs = axis.bit(8) | axis.bit(9) | axis.bit(10)
     # Something has to be on its way, and nothing else than jobs with dynamic values that are known.
     lasting = np.zeros(len(setpoint), dtype=bool)

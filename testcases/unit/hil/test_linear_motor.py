@@ -75,17 +75,29 @@ def test_limit_in_the_telegram():
         assert word(machine, "MOMRED") == 0x3000
 
 
-@pytest.mark.requirement("CFG-461")
-def test_limit_of_the_setpoint():
-    """1000 0000h of 120 m/min are 500 mm/s: what a user program makes of S_V_LIMIT_B with the reference of
-    the axis.
+@pytest.mark.requirement("VAR-133", "CFG-459", "CFG-460", "CFG-461")
+def test_limit_of_the_setpoint_by_kind_of_axis(subtests):
+    """S_V_LIMIT_B in the unit of the axis: by lead screw and gear, by 360 degrees and gear, or of a linear
+    motor without either.
     """
-    reference = 120.0
-    with bench(
-        variables=LINEAR | {"Actor.LinearMotorDriveParameter.ReferenceVelocity": reference}
-    ) as machine:
-        per_unit = machine.axis().object.mechanics.rpm_per_unit
-        assert 0x1000_0000 / 0x4000_0000 * reference / per_unit == pytest.approx(500.0)
+    linear_motor = LINEAR | {"Actor.LinearMotorDriveParameter.ReferenceVelocity": 120.0}
+    rotary = {"Properties.MotionType": 1, "LoadGear.Numerator": 10}
+    for name, variables, share, reference, wanted in (
+        ("linear axis", {"Mechanics.LeadScrew": 10.0}, 0x1999_999A, "DriveParameter.ReferenceSpeed", 200.0),
+        (
+            "linear axis with a gear",
+            {"Mechanics.LeadScrew": 4.0, "LoadGear.Numerator": 5, "LoadGear.Denominator": 2},
+            0x2000_0000,
+            "DriveParameter.ReferenceSpeed",
+            40.0,
+        ),
+        ("rotary axis", rotary, 0x2000_0000, "DriveParameter.ReferenceSpeed", 900.0),
+        ("linear motor", linear_motor, 0x1000_0000, "LinearMotorDriveParameter.ReferenceVelocity", 500.0),
+    ):
+        with subtests.test(name), bench(variables=variables) as machine:
+            axis = machine.axis()
+            limit = share / 0x4000_0000 * axis.var(f"Actor.{reference}")
+            assert limit / axis.object.mechanics.rpm_per_unit == pytest.approx(wanted)
 
 
 @pytest.mark.exhaustive
