@@ -2,6 +2,13 @@
 
 import { field, h, number, show, text, unit } from "./dom.js";
 
+/** A field whose unit changes. */
+function united(label, input, unitOf) {
+  const element = field(label, input, "");
+  element.querySelector(".input").append(unitOf);
+  return element;
+}
+
 /** Names of the commands that this card gives. */
 export const COMMANDS = ["gear", "gear-out", "cam", "cam-out", "phase", "offset"];
 
@@ -30,15 +37,15 @@ export class Following {
       h("h2", {}, "Gear and cam"),
       this.said,
       h("div.row", {}, field("Leading object", this.leader)),
-      this.#form("Engage gear", () => ["gear", [this.leader.value, value(this.numerator), value(this.denominator)]], field("Ratio", this.numerator), h("span.unit", {}, ":"), field("to", this.denominator)),
+      this.#form("Engage gear", () => ["gear", [this.leader.value, value(this.numerator), value(this.denominator)]], field("Ratio, numerator", this.numerator), field("denominator", this.denominator)),
       this.camForm,
       h(
         "form",
         { onsubmit: (event) => this.#send(event, () => [`${this.kind}-out`, this.way.value === "" ? [value(this.place)] : [value(this.place), value(this.way)]]) },
-        h("div.row", {}, field("Stop at", this.place), place, field("over the way of the leading value", this.way), way, this.leave),
+        h("div.row", {}, united("Stop at", this.place, place), united("within the leading way", this.way, way), this.leave),
       ),
-      this.#form("Shift", () => ["phase", [value(this.shift)]], field("Shift the leading value by", this.shift), shift),
-      this.#form("Shift", () => ["offset", [value(this.offset), value(this.over)]], field("Shift this axis by", this.offset), offset, field("over the way of the leading value", this.over), over),
+      this.#form("Shift", () => ["phase", [value(this.shift)]], united("Shift the leading value by", this.shift, shift)),
+      this.#form("Shift", () => ["offset", [value(this.offset), value(this.over)]], united("Shift this axis by", this.offset, offset), united("within the leading way", this.over, over)),
     );
     this.kind = "gear";
   }

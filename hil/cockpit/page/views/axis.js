@@ -111,8 +111,8 @@ class AxisView {
             "section.card",
             {},
             h("h2", {}, "Move"),
-            h("form", { onsubmit: (event) => this.#move(event, "abs") }, h("div.row", {}, field("Target or distance", this.target), this.targetUnit), h("div.row", {}, h("button.operate", { type: "submit" }, "To target"), (this.relative = h("button.operate", { type: "button", onclick: (event) => this.#move(event, "rel") }, "By distance")), h("button", { type: "button", onclick: () => this.#stop() }, "Stop"))),
-            (this.homeForm = h("form", { onsubmit: (event) => this.#home(event) }, h("div.row", {}, field("Home position", this.home), this.homeUnit, h("button.operate", { type: "submit" }, "Home")))),
+            h("form", { onsubmit: (event) => this.#move(event, "abs") }, h("div.row", {}, field("Target or distance", this.target), this.targetUnit), h("div.row", {}, (this.absolute = h("button.operate", { type: "submit" }, "To target")), (this.relative = h("button.operate", { type: "button", onclick: (event) => this.#move(event, "rel") }, "By distance")), h("button", { type: "button", onclick: () => this.#stop() }, "Stop"))),
+            (this.homeForm = h("form", { onsubmit: (event) => this.#home(event) }, h("div.row", {}, field("Home position", this.home), this.homeUnit, (this.homeButton = h("button.operate", { type: "submit" }, "Home"))))),
           ),
           (this.gears = new Following((name, values) => this.#do(name, values))).element,
           h("section.card", {}, h("h2", {}, "Dynamics"), h("div.dynamics", {}, ...[...this.dynamics.values()].map((one) => one.form))),
@@ -351,7 +351,7 @@ class AxisView {
     this.now = now;
     if (!now) return;
     if (!may || !now.enabled) this.#letGo();
-    for (const one of [this.back, this.forward, this.relative]) one.disabled = !may || !now.enabled;
+    for (const one of [this.back, this.forward, this.relative, this.absolute, this.homeButton]) one.disabled = !may || !now.enabled;
     this.give.disabled = !may || now.master !== "panel";
     this.acknowledge.disabled = !may || !now.alarms.length;
     text(this.enable, now.enabled ? "Disable" : "Enable");
