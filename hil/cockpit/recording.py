@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final, Protocol
 
-from hil.cockpit.steps import Command, Remark, SetInputs, Step, WriteVariable, panel_steps
+from hil.cockpit.steps import Command, InterpolateCam, Remark, SetInputs, Step, WriteVariable, panel_steps
 
 if TYPE_CHECKING:
     from fieldbus.history import Scalar
@@ -33,6 +33,10 @@ _CAM: Final[Mapping[str, Scalar]] = {"ApplicationMode": 1, "SyncProfileReference
 
 class StepLog(Protocol):
     """Takes the steps of a session."""
+
+    @property
+    def now_ns(self) -> int:
+        """Bench time, ns."""
 
     def note(self, step: Step, made: object = None, *, time_ns: int | None = None) -> int:
         """Record a step; returns its number, from 0."""
@@ -103,6 +107,10 @@ class S7Recorder:
             moves = name in {"rel", "abs", "home", "set", "adjust-encoder"}
             self._note(steps, panel.job if moves else None, time_ns)
         else:
+            if name == "cam" and self._log.now_ns > time_ns:
+                # The panel has let time pass, to interpolate the cam first.
+                self._log.note(InterpolateCam(str(values[1])), time_ns=time_ns)
+                time_ns = self._log.now_ns
             self._note(self._following(name, values, numbers), panel.job, time_ns)
 
     def jog(self, slider: float, time_ns: int) -> None:

@@ -106,6 +106,16 @@ class WriteObject:
 
 
 @dataclass(frozen=True)
+class InterpolateCam:
+    """A cam that is interpolated, so that an axis can follow by it."""
+
+    cam: str
+
+    def __str__(self) -> str:
+        return f"cam {self.cam}: interpolate"
+
+
+@dataclass(frozen=True)
 class WriteParameter:
     """An element of a parameter of a drive on Modbus that is written by data record 47."""
 
@@ -151,7 +161,17 @@ class Remark:
         return self.text
 
 
-Step = Command | SetInputs | WriteVariable | WriteObject | WriteParameter | Inject | TakeBack | Remark
+Step = (
+    Command
+    | SetInputs
+    | WriteVariable
+    | WriteObject
+    | WriteParameter
+    | InterpolateCam
+    | Inject
+    | TakeBack
+    | Remark
+)
 
 
 @dataclass(frozen=True)
@@ -208,6 +228,8 @@ class Performer:
                 bench.axis(step.axis).write(step.path, step.value)
             case WriteObject():
                 return bench.node(step.node).sdo.download(step.index, step.sub, step.data)
+            case InterpolateCam():
+                return bench.cam(step.cam).interpolate()
             case WriteParameter():
                 transfer = ParameterTransfer()
                 port = parameter_port(bench, step.node)

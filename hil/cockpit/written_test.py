@@ -18,6 +18,7 @@ from hil.cockpit.steps import (
     COMMANDS,
     Command,
     Inject,
+    InterpolateCam,
     Remark,
     SetInputs,
     Step,
@@ -327,6 +328,9 @@ class _Writer:
                     (Code(f"0x{step.index:04X}", step.index), sub, data),
                 )
                 self._statement(number, call)
+            case InterpolateCam():
+                self._used.add("bench")
+                self._statement(number, Call(f"bench.cam({literal(step.cam)}).interpolate"))
             case WriteParameter():
                 self._used.add("bench")
                 self._statement(

@@ -266,6 +266,44 @@ def test_a_session_with_an_nc_axis_becomes_a_test():
             call(written.text, file=file)
 
 
+def test_a_cam_that_is_engaged_by_hand_becomes_a_test():
+    """What an axis may follow is described, what it follows is shown, and the test of the session
+    interpolates the cam, engages it, and comes to the same place.
+    """
+    file = load_bench_file("synchronous")
+    with file.build(seed=0) as bench:
+        desks = axis_desks(bench, Path())
+        session = Session(bench)
+        recorders = {name: desk.recorder(session) for name, desk in desks.items()}
+
+        def do(axis, name, *values, cycles=5):
+            before = session.now_ns
+            desks[axis].execute(name, list(values))
+            recorders[axis].command(name, values, before)
+            for _ in range(cycles):
+                bench.run_for(0.02)
+                for desk in desks.values():
+                    desk.beat()
+
+        for axis in ("leader", "follower_a"):
+            do(axis, "take")
+            do(axis, "enable", cycles=15)
+            do(axis, "set", 0.0)
+        do("follower_a", "cam", "leader", "swing")
+        do("leader", "rel", 20.0, cycles=50)
+        found = desks["follower_a"].description()
+        assert (found["leaders"], found["cams"]) == (["leader", "material"], ["swing", "step"])
+        state = desks["follower_a"].state()
+        assert (state["leader"], state["synchronous"]) == ("leader", "MC_CamIn, synchronous")
+        place = state["position"]
+        written = write_test(session.recorded(file), bench="synchronous")
+    assert written.notes == ()
+    assert place > 1.0
+    assert '\n    bench.cam("swing").interpolate()\n    bench.run_for(' in written.text
+    assert "follower_a.cam_in(" in written.text
+    call(written.text, "synchronous")
+
+
 def test_what_is_no_session_is_refused():
     """Nothing done is no test, and a session that cannot be repeated says why."""
     with load_bench_file("reference").build(seed=0) as bench:
