@@ -7,7 +7,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -15,6 +15,11 @@ import pytest
 from reports import write_report
 from testcases.sample_run import hostile_run, sample_run
 
+COLOURS = ("color-contrast", "link-in-text-block")
+PLACES = ("scrollable-region-focusable",)
+"""Rules of axe-core that look at colours, and at what is where; the others see the same at every width and in
+every colour scheme.
+"""
 FLAGS = (
     "--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
     "--disable-component-update --disable-sync --hide-scrollbars"
@@ -95,9 +100,11 @@ class Browser:
         features = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", features)
 
-    def accessible(self, width: int, scheme: str) -> None:
+    def accessible(self, width: int, scheme: str, rules: Sequence[str] = ()) -> None:
         """Expect that axe-core finds nothing, and that nothing is wider than the screen, at a width and in a
         colour scheme.
+
+        `rules`: those that depend on colours or places, where all were tried on the same page already.
         """
         self.view(width, 900, scheme)
         if not self.js("return typeof axe === 'object'"):
@@ -105,8 +112,9 @@ class Browser:
             self.js((Path(folder) / "axe.min.js").read_text("utf-8"))
             self.driver.set_script_timeout(120)
         found = self.driver.execute_async_script(
-            "const done = arguments[0]; axe.run().then((found) => done(found.violations.map((one) => "
-            "[one.id, one.help, one.nodes.map((node) => node.html)])))"
+            "const done = arguments[1]; axe.run(arguments[0]).then((found) => done(found.violations.map("
+            "(one) => [one.id, one.help, one.nodes.map((node) => node.html)])))",
+            {"resultTypes": ["violations"], **({"runOnly": list(rules)} if rules else {})},
         )
         assert found == [], json.dumps(found, indent=1)
         assert self.js("return document.documentElement.scrollWidth") <= width
@@ -184,3 +192,34 @@ def browser(driver, sample_report) -> Iterator[Browser]:
     asked = browser.requests()
     assert "file" in asked, "requests are not recorded"
     assert asked <= {"file", "data", "blob", "about"}
+
+
+@pytest.fixture(scope="session")
+def cockpit(tmp_path_factory) -> Iterator[object]:
+    """A cockpit of the reference bench, for all tests; `folder` is its working folder."""
+    from testcases.cockpit_rig import served
+
+    folder = tmp_path_factory.mktemp("cockpit")
+    with served(folder=folder) as one:
+        one.folder = folder
+        yield one
+
+
+@pytest.fixture(scope="session")
+def cockpit_page(driver, cockpit) -> Iterator[object]:
+    """The page of this cockpit, opened once; it is opened again by `page` where another test left it."""
+    from testcases.browser.cockpit_page import CockpitPage
+
+    yield CockpitPage(driver, Path())
+    driver.get("about:blank")
+
+
+@pytest.fixture
+def page(cockpit_page, cockpit) -> Iterator[object]:
+    """This page in control, with a fresh bench; afterwards: no complaint in the console."""
+    if not cockpit_page.driver.current_url.startswith(cockpit.origin):
+        cockpit_page.enter(cockpit)
+    cockpit_page.view(1440, 900, "light")
+    cockpit_page.operate()
+    yield cockpit_page
+    assert cockpit_page.complaints() == []

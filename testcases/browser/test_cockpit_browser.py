@@ -11,78 +11,20 @@ from pathlib import Path
 
 import pytest
 
-from testcases.browser.conftest import Browser, chromium
-from testcases.cockpit_rig import TOKEN, served
+from testcases.browser.cockpit_page import CockpitPage
+from testcases.browser.conftest import COLOURS, PLACES, chromium
 
 pytestmark = pytest.mark.browser
 
 VIEWS = ("bench", "axis", "scope")
 
 
-@pytest.fixture(scope="module")
-def cockpit():
-    with served() as one:
-        yield one
-
-
-class CockpitPage(Browser):
-    """A browser with the page of a cockpit."""
-
-    def enter(self, cockpit) -> None:
-        """Open the page with the token; the console is read from here on."""
-        self.view(1440, 900, "light")
-        self.driver.get("about:blank")
-        self.complaints()
-        self.requests()
-        self.driver.get(f"{cockpit.origin}/#token={TOKEN}")
-        self.until(
-            lambda: self.js("return document.documentElement.dataset.bench") == "up", "the bench comes up"
-        )
-
-    def press(self, words: str, within: str = "body") -> None:
-        """Click the button with these words, when it can be."""
-        button = self.until(
-            lambda: next(
-                (one for one in self.all(f"{within} button") if one.text == words and one.is_enabled()), None
-            ),
-            f"no button {words}",
-        )
-        self.js("arguments[0].scrollIntoView({block: 'center'})", button)
-        button.click()
-
-    def show(self, view: str) -> None:
-        self.one(f"#tab-{view}").click()
-
-    def enable(self) -> None:
-        """Enable the axis with the buttons that a person uses."""
-        self.show("axis")
-        self.press("Enable", "#view-axis")
-        self.until(lambda: self.one("#view-axis .badge").text == "standstill", "enabled")
-
-    def reading(self, name: str) -> float:
-        """Return a value of the axis as it is shown."""
-        shown = self.one(f'#view-axis output[aria-label="{name}"]').text
-        return float(shown.replace("\u2212", "-"))
-
-
-@pytest.fixture
-def page(driver, cockpit):
-    one = CockpitPage(driver, Path())
-    one.enter(cockpit)
-    one.press("Take control")
-    one.until(lambda: "You have control" in one.one(".control-state").text, "control")
-    one.show("bench")
-    one.press("Reset bench")
-    one.until(lambda: float(one.one(".clock").text.split()[0]) < 3.0, "reset")
-    yield one
-    complaints = one.complaints()
-    driver.get("about:blank")
-    assert complaints == []
-
-
-def test_two_browsers(page, cockpit, tmp_path):
-    """One page moves the axis, another browser watches it, and stops it by Esc, which is all it can do."""
+def test_a_second_browser_watches_stops_and_is_killed(page, cockpit, tmp_path):
+    """One page moves the axis; another browser watches it, and stops it by Esc, which is all it can do. When
+    that one operates and is killed while it jogs, the axis stops, is disabled and given back with alarm 204.
+    """
     chrome = chromium(tmp_path / "other")
+    service = chrome.service
     try:
         other = CockpitPage(chrome, Path())
         other.enter(cockpit)
@@ -90,36 +32,23 @@ def test_two_browsers(page, cockpit, tmp_path):
         other.until(lambda: "has control" in other.one(".control-state").text, "somebody operates")
         assert not any(one.is_enabled() for one in other.all("#view-axis button.operate"))
         page.enable()
-        page.press("By distance")
+        page.far()
         other.until(lambda: other.reading("Velocity") > 20.0, "the other page sees it move")
         other.one("body").send_keys(other.keys.ESCAPE)
         page.until(lambda: page.reading("Velocity") == 0.0, "stopped")
-        assert 0.0 < page.reading("Position") < 90.0
+        assert 0.0 < page.reading("Position") < 390.0
+        page.press("Release control")
+        other.take()
+        other.until(lambda: other.one("#view-axis .badge").text == "disabled", "given back")
+        other.enable()
         assert other.complaints() == []
         assert other.requests() <= {"http", "ws", "about", "data", "blob"}
-    finally:
-        chrome.quit()
-
-
-def test_killed_browser_stops_the_axis(cockpit, tmp_path):
-    """A browser that is killed while it jogs: the axis stops, is disabled and given back with alarm 204."""
-    chrome = chromium(tmp_path / "killed")
-    service = chrome.service
-    try:
-        page = CockpitPage(chrome, Path())
-        page.enter(cockpit)
         with cockpit.page() as watcher:
-            watcher.until(lambda: watcher.state["operator"] is None, "nobody operates")
-            page.press("Take control")
-            page.press("Reset bench")
-            page.until(lambda: float(page.one(".clock").text.split()[0]) < 3.0, "reset")
-            page.enable()
-            page.actions().click_and_hold(page.one('[aria-label="Jog forward"]')).perform()
+            other.actions().click_and_hold(other.one('[aria-label="Jog forward"]')).perform()
             axis = lambda: watcher.state["axis"]["axis1"]  # noqa: E731
             watcher.until(lambda: axis()["velocity"] > 5.0, "jogs")
-            driver_children = _children(service.process.pid)
             before = watcher.state["time_s"]
-            for process in driver_children:
+            for process in _children(service.process.pid):
                 os.kill(process, signal.SIGKILL)
             watcher.until(lambda: axis()["velocity"] == 0.0, "stops")
             assert watcher.state["time_s"] - before < 2.0
@@ -147,6 +76,7 @@ def _children(parent: int) -> list[int]:
 
 def test_keyboard_alone(page):
     """Tabs turn by arrow keys, a jog key moves as long as the space bar is held, Esc stops a move."""
+    page.show("bench")
     page.one("#tab-bench").send_keys(page.keys.ARROW_RIGHT)
     assert page.js("return document.activeElement.id") == "tab-axis"
     page.js(
@@ -162,11 +92,11 @@ def test_keyboard_alone(page):
     page.until(lambda: page.reading("Velocity") == 0.0, "let go")
     place = page.reading("Position")
     assert place > 0.0
-    page.press("By distance")
+    page.far()
     page.until(lambda: page.reading("Velocity") > 20.0, "moves")
     page.actions().send_keys(page.keys.ESCAPE).perform()
     page.until(lambda: page.reading("Velocity") == 0.0, "stopped")
-    assert page.reading("Position") < place + 90.0
+    assert page.reading("Position") < place + 390.0
 
 
 def test_jog_ends_where_the_window_loses_the_focus(page):
@@ -217,6 +147,7 @@ def test_scope(page):
     page.press("By distance")
     page.show("scope")
     page.until(lambda: "held" in page.one("#view-scope output.note").text, "triggered")
+    page.js("window.own = [URL.createObjectURL, HTMLAnchorElement.prototype.click]")
     page.js(
         "window.saved = new Promise((done) => { URL.createObjectURL = (blob) => { blob.text().then(done); "
         "return 'blob:none'; }; })"
@@ -224,6 +155,7 @@ def test_scope(page):
     page.js("HTMLAnchorElement.prototype.click = () => {}")
     page.press("Save CSV", "#view-scope")
     lines = page.driver.execute_async_script("window.saved.then(arguments[0])").splitlines()
+    page.js("[URL.createObjectURL, HTMLAnchorElement.prototype.click] = window.own")
     heads = lines[0].split(",")
     rows = [dict(zip(heads, line.split(","), strict=True)) for line in lines[1:]]
     times = [float(row["time [s]"]) for row in rows]
@@ -242,7 +174,7 @@ def test_nothing_overflows_and_axe_finds_nothing(page, subtests):
     page.js("for (const one of document.querySelectorAll('details.card')) one.open = true")
     for view in VIEWS:
         page.show(view)
-        for width, scheme in ((1440, "light"), (1440, "dark"), (390, "light")):
+        for width, scheme, rules in ((1440, "light", ()), (1440, "dark", COLOURS), (390, "light", PLACES)):
             with subtests.test(f"{view}, {width}, {scheme}"):
-                page.accessible(width, scheme)
+                page.accessible(width, scheme, rules)
     page.view(1440, 900, "light")

@@ -9,48 +9,21 @@ import pytest
 from hil.cockpit.campaign_watch import CampaignWatch
 from hil.cockpit.watch_server import served_watch
 from reports.model import CaseResult, Verdict
-from testcases.browser.conftest import Browser
-from testcases.cockpit_rig import TOKEN, served
+from testcases.browser.cockpit_page import CockpitPage
+from testcases.browser.conftest import PLACES
 
 pytestmark = pytest.mark.browser
 
 
 def accessible(page, subtests, what: str) -> None:
     """Look at the page wide and dark, narrow and light."""
-    for width, scheme in ((1440, "dark"), (390, "light")):
+    for width, scheme, rules in ((1440, "dark", ()), (390, "light", PLACES)):
         with subtests.test(f"{what}, {width}, {scheme}"):
-            page.accessible(width, scheme)
+            page.accessible(width, scheme, rules)
     page.view(1440, 900, "light")
 
 
-def press(page, words: str, within: str) -> None:
-    """Click the button with these words, when it can be."""
-    button = page.until(
-        lambda: next(
-            (one for one in page.all(f"{within} button") if one.text == words and one.is_enabled()), None
-        ),
-        f"no button {words}",
-    )
-    page.js("arguments[0].scrollIntoView({block: 'center'}); arguments[0].click()", button)
-
-
-@pytest.fixture
-def page(driver, tmp_path):
-    """A page in control of the reference bench."""
-    with served(folder=tmp_path) as cockpit:
-        one = Browser(driver, tmp_path)
-        one.view(1440, 900, "light")
-        one.complaints()
-        one.driver.get(f"{cockpit.origin}/#token={TOKEN}")
-        one.until(lambda: one.js("return document.documentElement.dataset.bench") == "up", "the bench is up")
-        press(one, "Take control", "header")
-        yield one
-        complaints = one.complaints()
-        driver.get("about:blank")
-        assert complaints == []
-
-
-def test_a_fault_is_found_injected_seen_and_becomes_a_test(page, tmp_path, subtests):
+def test_a_fault_is_found_injected_seen_and_becomes_a_test(page, cockpit, subtests):
     """Search and form of the catalogue, the fault on the bus bit by bit, an object read and refused, and the
     session saved as a test; axe-core finds nothing in the three views.
     """
@@ -59,7 +32,7 @@ def test_a_fault_is_found_injected_seen_and_becomes_a_test(page, tmp_path, subte
     page.until(lambda: len([one for one in page.all(".fault") if one.is_displayed()]) == 1, "one is found")
     next(one for one in page.all(".fault") if one.is_displayed()).click()
     page.one(".fault-form input[required]").send_keys("2310h")
-    press(page, "Inject", ".fault-form")
+    page.press("Inject", ".fault-form")
     page.until(lambda: "drive.fault" in page.one(".armed").text, "it is listed")
     assert "code 8976" in page.one(".armed").text
     accessible(page, subtests, "faults")
@@ -72,15 +45,15 @@ def test_a_fault_is_found_injected_seen_and_becomes_a_test(page, tmp_path, subte
     page.until(lambda: "from drive1" in page.one(".detail").text, "details")
     assert len(page.all(".detail .bit")) == 64
     page.one(".bus-view [aria-label='Search objects']").send_keys("1018h:01h")
-    press(page, "Read", ".objects")
+    page.press("Read", ".objects")
     page.until(lambda: page.one(".value-of").text, "a value comes")
     accessible(page, subtests, "bus")
     page.one("#tab-session").click()
     assert "fault drive.fault on drive1" in page.one(".steps").text
-    press(page, "Write pytest", ".session")
+    page.press("Write pytest", ".session")
     page.until(lambda: "def test_session(" in page.one("pre.code").text, "the test is written", 60.0)
-    press(page, "Save in the working folder", ".session")
-    page.until((tmp_path / "test_session.py").exists, "saved")
+    page.press("Save in the working folder", ".session")
+    page.until((cockpit.folder / "test_session.py").exists, "saved")
     accessible(page, subtests, "session")
 
 
@@ -90,7 +63,7 @@ def test_the_page_of_a_campaign(driver, tmp_path, subtests):
     """
     watch = CampaignWatch("our stops", 4, workers=1)
     with served_watch(watch, create_server(("127.0.0.1", 0))) as address:
-        page = Browser(driver, tmp_path)
+        page = CockpitPage(driver, tmp_path)
         page.view(1440, 900, "light")
         page.complaints()
         driver.get(address)
@@ -102,10 +75,10 @@ def test_the_page_of_a_campaign(driver, tmp_path, subtests):
         page.until(lambda: "it broke" in page.one("main").text, "the failure comes")
         assert len([one for one in page.all(".results tbody tr") if one.is_displayed()]) == 1
         accessible(page, subtests, "campaign")
-        press(page, "Stop", "header")
+        page.press("Stop", "header")
         page.until(lambda: watch.stopping, "stop arrives")
         watch.paused(finished=False)
-        press(page, "Resume", "header")
+        page.press("Resume", "header")
         page.until(lambda: page.one(".stage").text == "Running", "it goes on")
         driver.get(page.one(".results a").get_attribute("href"))
         page.until(lambda: "it broke" in page.one("body").text, "the report of the case")
