@@ -37,10 +37,10 @@ def pieces(trace: Trace, *, longest: int = LONGEST) -> Iterator[tuple[Trace, tup
     ahead: Event | None = next(events, None)
     for first in range(0, len(times), longest):
         last = min(first + longest, len(times))
-        from_ns, to_ns = (
-            int(times[max(first - overlap, 0)]),
-            int(times[min(last + overlap, len(times)) - 1]),
-        )
+        ending = last == len(times)
+        from_ns = int(times[max(first - overlap, 0)]) if first else 0
+        # Events of the last moment come behind the last sample.
+        to_ns = int(times[last + overlap - 1]) if last + overlap < len(times) else trace.end_ns
         while ahead is not None and ahead.time_ns <= to_ns:
             kept.append(ahead)
             ahead = next(events, None)
@@ -50,13 +50,8 @@ def pieces(trace: Trace, *, longest: int = LONGEST) -> Iterator[tuple[Trace, tup
             before.pop(key, None)
             before[key] = entry
         del kept[: len(past)]
-        ending = last == len(times)
         yield (
-            trace.window(
-                from_ns * 1e-9 if first else 0.0,
-                trace.end_s if ending else to_ns * 1e-9,
-                events=[*before.values(), *kept],
-            ),
+            trace.window(from_ns * 1e-9, to_ns * 1e-9, events=[*before.values(), *kept]),
             (
                 float(times[first] * 1e-9) if first else float("-inf"),
                 float("inf") if ending else float(times[last] * 1e-9),

@@ -246,14 +246,14 @@ def test_rules_judge_a_long_trace_in_pieces(subtests):
         bench.axis().power()
         bench.run_for(0.3)
         bench.axis().home(0.0)
-        bench.run_for(0.1)
-        bench.axis().move_absolute(50.0)
-        bench.run_for(1.6)
+        bench.run_for(0.8)
+        job = bench.axis().move_absolute(20.0)
+        bench.wait_until(job.done, 2.0)  # an event behind the last sample
         trace = bench.trace()
     axis = next(group for group in trace.groups if group.name == "axis1")
     number = [name for name, _ in axis.columns].index("actual_position")
     values = axis.values.copy()
-    values[1300:, number] += 5.0
+    values[1250:, number] += 5.0
     jump = Trace(
         [axis._replace(values=values) if group is axis else group for group in trace.groups],
         events=trace.events,
@@ -266,7 +266,7 @@ def test_rules_judge_a_long_trace_in_pieces(subtests):
         with subtests.test(name):
             whole, parts = (
                 {check.name: (check.verdict, check.time_s) for check in judge(one, longest=longest)}
-                for longest in (10_000, 400)
+                for longest in (10_000, 600)
             )
             assert parts == whole
             failed = [verdict for verdict, _ in whole.values() if verdict is Verdict.FAILED]
