@@ -43,6 +43,11 @@ class OperatorAction:
         return {key: given.get(key, values[0]) for key, values in self.parameters.items()}
 
 
+def first_axis(bench: Bench) -> str:
+    """Return the first axis of a bench, technology objects before axes of an NC."""
+    return (*bench.axis_names, *bench.nc_axis_names)[0]
+
+
 def _is_nc(bench: Bench, axis: str) -> bool:
     return bench.config.axis[axis].controller == "nc"
 

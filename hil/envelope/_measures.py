@@ -137,4 +137,4 @@ def reaction_class(trace: Trace, axes: Sequence[str], at_s: float, checks: Seque
             signal = trace[f"{axis}.state"]
             words.append(f"{axis} {signal.text_at(trace.end_s)}")
     words.extend(f"broken: {check.name}" for check in checks)
-    return "; ".join(dict.fromkeys(words))
+    return "; ".join(dict.fromkeys(words)) or "no alarm"

@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import UnknownNameError
+from hil.envelope._actions import first_axis
 from hil.errors import CannotRunError
 
 if TYPE_CHECKING:
@@ -95,7 +96,7 @@ def move_absolute(axis: str, to: float, velocity: float) -> Motion:
     """
 
     def before(bench: Bench) -> None:
-        name = axis or bench.axis_names[0]
+        name = axis or first_axis(bench)
         if bench.config.axis[name].controller == "nc":
             nc = bench.axis(name, controller="nc")
             bench.wait_until(nc.power().status, 5.0, f"{name} is enabled")
@@ -107,7 +108,7 @@ def move_absolute(axis: str, to: float, velocity: float) -> Motion:
         bench.wait_until(handle.home(0.0, mode=0).done, 1.0, f"{name} is homed")
 
     def move(bench: Bench) -> None:
-        name = axis or bench.axis_names[0]
+        name = axis or first_axis(bench)
         if bench.config.axis[name].controller == "nc":
             done = bench.axis(name, controller="nc").move_absolute(to, Velocity=velocity).done
         else:

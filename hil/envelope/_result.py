@@ -82,7 +82,7 @@ class Cliff:
 
 @dataclass(frozen=True)
 class Worst:
-    """The greatest value of a measure, and the branch that has it."""
+    """The greatest value of a measure, and the branch that has it; it compares with a number."""
 
     value: float
     unit: str
@@ -91,6 +91,18 @@ class Worst:
 
     def __float__(self) -> float:
         return self.value
+
+    def __lt__(self, limit: float) -> bool:
+        return self.value < limit
+
+    def __le__(self, limit: float) -> bool:
+        return self.value <= limit
+
+    def __gt__(self, limit: float) -> bool:
+        return self.value > limit
+
+    def __ge__(self, limit: float) -> bool:
+        return self.value >= limit
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from fieldbus.errors import ConfigurationError, UnknownNameError
-from hil.envelope._actions import ACTIONS
+from hil.envelope._actions import ACTIONS, first_axis
 from hil.faults import CATALOGUE, Fault, Injector, at
 from hil.faults._parameters import Scalar
 from hil.faults._text import number, split_text
@@ -72,8 +72,8 @@ class Stimulus:
 
         """
         if self.kind in ACTIONS:
-            if self.target:
-                bench.axis(self.target)
+            if self.target and self.target not in bench.config.axis:
+                raise UnknownNameError("envelope", self.target, "an axis", list(bench.config.axis))
             return
         injector = Injector(bench)
         injector.arm(self._fault(never=True))
@@ -85,7 +85,7 @@ class Stimulus:
         if action is None:
             Injector(bench).arm(self._fault())
             return
-        axis = self.target or bench.axis_names[0]
+        axis = self.target or first_axis(bench)
         bench.history.emit(axis, "envelope.action", action=self.kind, **self.parameters)
         action.act(bench, axis, self.parameters)
 

@@ -12,6 +12,7 @@ from hil.envelope import (
     Grid,
     Stimulus,
     load_envelope,
+    move_absolute,
     stimulus_from_text,
     sweep,
     witness,
@@ -75,7 +76,10 @@ def test_the_numbers_are_those_of_the_stop():
         "mm",
         "axis1",
     )
-    assert float(worst) >= middle.value("stop_distance", "axis1")
+    assert worst < 100.0
+    assert worst <= worst.value <= float(worst)
+    assert not worst > worst.value
+    assert worst >= middle.value("stop_distance", "axis1")
     assert not found.failures
     assert found.stops == {"axis1": (-600.0, 600.0)}
 
@@ -102,6 +106,19 @@ def test_a_copy_ends_when_nothing_more_is_to_come():
     assert halted == pytest.approx(0.6)
     assert 0.15 < tripped < 0.5
     assert lasting == pytest.approx(0.55, abs=0.01)
+
+
+@pytest.mark.exhaustive
+def test_an_axis_of_an_nc_is_swept():
+    """The usual motion and operator actions find the first axis of an NC; another axis is refused by name."""
+    motion = move_absolute("", 20.0, 200.0)
+    found = sweep("nc-axes:reference", motion, ["operator.halt", "operator.disable"], every=60, watch_s=0.5)
+    assert found.axes == ("axis1",)
+    assert {branch.reaction for branch in found.of("operator.halt")} == {"no alarm"}
+    assert "error 16#4356" in {*found.of("operator.disable:stop_mode=0")[1].reaction.split("axis1 ")}
+    assert not found.failures
+    with pytest.raises(CannotRunError, match="'axis7' is not an axis"):
+        sweep("nc-axes:reference", motion, ["operator.halt@axis7"])
 
 
 @pytest.mark.exhaustive
