@@ -105,8 +105,8 @@ ENTRIES: Final[tuple[FieldError, ...]] = (
             "Bit 7 of the control word is set as long as the drive shows a fault",
             (
                 "motion.drives.cia402:Cia402Port._control",
-                "if stw1 & STW1.ACKNOWLEDGE:\n",
-                "if stw1 & STW1.ACKNOWLEDGE or self._statusword & 0x0008:\n",
+                "if stw1 & _ACKNOWLEDGE:\n",
+                "if stw1 & _ACKNOWLEDGE or self._statusword & 0x0008:\n",
             ),
         ),
     ),
