@@ -127,8 +127,13 @@ class Qualification:
             missed = len(one.seeding.defects) - one.seeding.count("caught") - one.seeding.count("explained")
             if missed:
                 found.append(f"{one.title}: {missed} of {len(one.seeding.defects)} were not noticed.")
+            if not one.seeding.defects:
+                found.append(f"{one.title}: none was judged, so nothing shows that a case can be red.")
+            if one.seeding.interrupted:
+                found.append(f"{one.title}: the run was interrupted, not all of them were judged.")
         if not self.peers:
             found.append("No results of tests with software of others are given.")
+        found += [f"{peer.name}: {peer.failed} tests have failed." for peer in self.peers if peer.failed]
         found += [f"{peer.name}: {peer.skipped} tests were left out." for peer in self.peers if peer.skipped]
         return found
 

@@ -36,6 +36,8 @@ class Seeding:
 
     defects: list[Defect] = field(default_factory=list)
     error: str = ""
+    interrupted: bool = False
+    """Whether not all of them were judged."""
 
     def count(self, status: str) -> int:
         """Return the number of defects with a status."""
@@ -47,7 +49,8 @@ def load_seeding(folder: str | Path) -> Seeding | None:
     path = Path(folder) / SEEDING_FILE
     try:
         plain = json.loads(path.read_text(encoding="utf-8"))
-        return Seeding([_defect(entry) for entry in _entries(plain)])
+        interrupted = isinstance(plain, dict) and bool(plain.get("interrupted"))
+        return Seeding([_defect(entry) for entry in _entries(plain)], interrupted=interrupted)
     except FileNotFoundError:
         return None
     except KeyError as error:

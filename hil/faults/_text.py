@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from fieldbus.errors import ConfigurationError
+from hil.faults._catalogue import CATALOGUE
 from hil.faults._fault import Fault
 from hil.faults._parameters import Scalar
 from hil.faults._trigger import Immediately, after
@@ -24,14 +25,22 @@ def split_text(text: str, *, where: str) -> tuple[str, str, dict[str, Scalar]]:
 
     """
     head, colon, tail = text.partition(":")
-    kind, _, target = head.partition("@")
+    kind, _, target = (one.strip() for one in head.partition("@"))
+    # A text may look like a number: `data=8001`.
+    texts = {
+        parameter.name
+        for entry in CATALOGUE
+        if entry.name == kind
+        for parameter in entry.parameters
+        if parameter.type == "text"
+    }
     parameters: dict[str, Scalar] = {}
     for part in tail.split(",") if colon else ():
         key, equals, value = part.partition("=")
         if not equals or not key.strip():
             raise ConfigurationError(where, text, FORM)
-        parameters[key.strip()] = _scalar(value.strip())
-    return kind.strip(), target.strip(), parameters
+        parameters[key.strip()] = value.strip() if key.strip() in texts else _scalar(value.strip())
+    return kind, target, parameters
 
 
 def fault_from_text(text: str, *, where: str) -> Fault:

@@ -5,6 +5,8 @@ import re
 import pytest
 
 from fieldbus.errors import ConfigurationError
+from hil._commands.envelope import all_faults
+from hil.envelope import stimulus_from_text
 from hil.faults import Fault, after, fault_from_text
 
 
@@ -42,3 +44,14 @@ def test_a_text_that_is_none(text, says):
     """What is wrong, and what is allowed."""
     with pytest.raises(ConfigurationError, match=re.escape(says)):
         fault_from_text(text, where="--fault")
+
+
+def test_every_kind_can_be_written_and_read_again(subtests):
+    """The example of every kind of fault as a word, and the word that a stimulus of it gives, say the same; a
+    text that looks like a number stays one.
+    """
+    for text in all_faults():
+        with subtests.test(text=text):
+            stimulus = stimulus_from_text(text)
+            assert stimulus_from_text(str(stimulus)) == stimulus
+    assert stimulus_from_text("frame.inject:can_id=5,data=8001").parameters == {"can_id": 5, "data": "8001"}

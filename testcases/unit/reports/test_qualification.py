@@ -71,6 +71,7 @@ def test_the_page_says_what_is_there_and_what_is_not(folder, tmp_path, capsys):
         "1 cases were blocked: the bench could not do what they need.",
         "1 cases have failed or ended with an error.",
         "Defects drawn from the source: 1 of 2 were not noticed.",
+        "test_mbpoll: 1 tests have failed.",
         "test_edcon: 1 tests were left out.",
     ]
     assert [text for text in left if text not in found["open"] or text not in page] == []
@@ -96,6 +97,12 @@ def test_missing_results_are_told(folder, tmp_path, capsys):
     (tmp_path / "odd.xml").write_text('<!DOCTYPE a [<!ENTITY b "c">]><a/>')
     with pytest.raises(ReportError, match="entities"):
         load_peers(tmp_path / "odd.xml")
+    (tmp_path / "begun").mkdir()
+    (tmp_path / "begun" / "mutants.json").write_text('{"mutants": [], "interrupted": true}')
+    assert main(["qualify", str(folder), "--mutants", str(tmp_path / "begun"), "--no-reqif"]) == 1
+    told = capsys.readouterr().err
+    assert "Seeded defects: none was judged" in told
+    assert "Seeded defects: the run was interrupted" in told
     assert main(["qualify", str(folder), "--no-reqif"]) == 1
     assert "nothing shows that a case can be red" in capsys.readouterr().err
 
