@@ -406,10 +406,10 @@ class NcAxis:
         motion = self.motion
         if self.encoder_only:
             return BLOCK_NOT_PERMITTED
-        if command.kind == STOP:
-            return NO_ERROR if not self.error else self.error_id
         if self.error:
             return self.error_id
+        if command.kind == STOP and (command.locks or not motion.locked):
+            return NO_ERROR
         if motion.locked or self.fast_stop.active:
             return STOP_ACTIVE
         if self._group is not None:
@@ -754,6 +754,8 @@ class NcAxis:
                 self.discrete.abort()
             if self.error_id == NO_ERROR:
                 self._follow_actual()
+                if motion.active is not None:  # a stop, which is accepted at any time (NC-035)
+                    motion.finish(motion.active, arrived=False, in_target=False)
             self.following_error = motion.s - self.encoder.position
             self.drive.off()
         self._send(enable=enable)

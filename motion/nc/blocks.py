@@ -7,6 +7,7 @@ may set them: `move(Execute=True, Position=100.0)`. Outputs are attributes too a
 from __future__ import annotations
 
 from enum import IntEnum
+from math import isfinite
 from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
@@ -127,6 +128,12 @@ class Block:
     def _call(self) -> None:
         raise NotImplementedError
 
+    def _has_numbers(self) -> bool:
+        """Return whether every input of type LREAL is a finite number."""
+        return all(
+            isfinite(getattr(self, key)) for key, default in self.inputs.items() if isinstance(default, float)
+        )
+
     @property
     def entry(self) -> Callable[[], None]:
         """What the task of a PLC calls in every cycle: the block, with the inputs that it has."""
@@ -194,7 +201,8 @@ class MC_Power(Block):
         override = self.Override
         if override != self._given_override:
             self._given_override = override
-            self._override = int(min(max(override, 0.0), 100.0) * (FULL_OVERRIDE / 100.0))
+            # What is no number is no override.
+            self._override = int(min(override, 100.0) * (FULL_OVERRIDE / 100.0)) if override > 0.0 else 0
         written.Override = self._override
         if enable and ref.axis.encoder_only:  # it has nothing to enable (NC-066)
             self.Error, self.ErrorID = True, BLOCK_NOT_PERMITTED
@@ -240,7 +248,10 @@ class ExecuteBlock(Block):
         self._last = execute
         if execute:
             self._clear()
-            self._begin()
+            if self._has_numbers():
+                self._begin()
+            else:
+                self._finish(BLOCK_PARAMETER)
         elif self.Busy:
             self._go_on()
         if last:
@@ -919,7 +930,8 @@ class MC_Jog(Block):
             target=direction * self.Position if inching else direction,
             relative=inching,
         )
-        refused = BLOCK_PARAMETER if mode not in set(JogMode) else axis.submit(command)
+        usable = self._has_numbers() and min(self.Acceleration, self.Deceleration, self.Jerk) >= 0.0
+        refused = axis.submit(command) if usable and mode in set(JogMode) else BLOCK_PARAMETER
         if refused:
             self._command = None
             self.Busy = self.Active = False

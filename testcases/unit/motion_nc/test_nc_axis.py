@@ -208,6 +208,55 @@ def test_feed_enables(subtests):
             assert not rig.axis.error
 
 
+def test_a_stop_without_enable_is_done():
+    """MC_Stop is accepted by an axis that stands without enables, and locks it; MC_Halt is done there too."""
+    rig = Rig()
+    rig.cycles(3)
+    halt = rig.handle.halt()
+    rig.until(halt.done, 0.1)
+    stop = rig.handle.stop()
+    rig.until(stop.done, 0.1)
+    rig.enabled()
+    refused = rig.handle.move_relative(1.0, Velocity=10.0)
+    rig.cycles(2)
+    assert refused.ErrorID == 0x42EF
+    stop.set(Execute=False)
+    rig.cycles(2)
+    rig.until(rig.handle.move_relative(1.0, Velocity=10.0).done)
+
+
+def test_inputs_that_are_no_numbers(subtests):
+    """An input that is infinite or no number is refused by its block, without an effect on the axis; an
+    override that is none counts as 0.
+    """
+    rig = Rig(simulated=True).enabled()
+    x = rig.handle
+    for number in (float("nan"), float("inf"), float("-inf")):
+        for start in (
+            lambda value: x.move_absolute(value, Velocity=10.0),
+            lambda value: x.move_relative(1.0, Velocity=value),
+            lambda value: x.move_velocity(10.0, Jerk=value),
+            lambda value: x.move_continuous_absolute(50.0, value, Velocity=10.0),
+            lambda value: x.jog(JogMode.MC_JOGMODE_CONTINOUS, Velocity=value),
+            lambda value: x.jog(JogMode.MC_JOGMODE_INCHING, Position=value, Velocity=10.0),
+            x.set_position,
+            x.home,
+            x.external_enable,
+            lambda value: x.move_superimposed(value, 10.0),
+        ):
+            block = start(number)
+            with subtests.test(block=block.block, number=number):
+                rig.cycles(2)
+                assert (block.Error, block.ErrorID) == (True, 0x4B06)
+                assert (rig.axis.motion.s, rig.axis.error, rig.axis.motion.active) == (0.0, False, None)
+    x.power(override=float("nan"))
+    rig.cycles(3)
+    assert rig.axis.motion.override == 0.0
+    negative = x.jog(JogMode.MC_JOGMODE_CONTINOUS, Velocity=10.0, Deceleration=-1.0)
+    rig.cycles(2)
+    assert negative.ErrorID == 0x4B06
+
+
 @pytest.mark.requirement("NC-166", "NC-168", "NC-169")
 def test_override_types(subtests):
     """Reduced scales the peak of the profile, Original the commanded velocity."""
@@ -288,9 +337,10 @@ def test_stop():
         assert move.CommandAborted
         assert rig.status("HasBeenStopped")
         assert rig.status("MotionCommandsLocked")
-        refused = rig.handle.move_relative(10.0, Velocity=10.0)
+        refused = rig.handle.move_relative(10.0, Velocity=10.0), rig.handle.halt()
         rig.cycles(2)
-        assert refused.ErrorID == 0x42EF
+        assert [one.ErrorID for one in refused] == [0x42EF, 0x42EF]
+        assert rig.status("MotionCommandsLocked")
         stop.set(Execute=False)
         rig.cycles(2)
         assert not rig.status("MotionCommandsLocked")
