@@ -249,7 +249,7 @@ def run(
     ] = 0,
     unread: Annotated[
         bool,
-        typer.Option("--unread", help="List the recorded signals that no case and no check looked at."),
+        typer.Option("--unread", help="List the signals, variables and bits that nothing looked at."),
     ] = False,
     evidence: EvidenceOption = "failed",
     history: HistoryOption = "",

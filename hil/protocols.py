@@ -6,6 +6,7 @@ The concrete bench (`hil.bench.Bench`) satisfies these protocols; so may a bench
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Set as AbstractSet
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar, runtime_checkable
 
@@ -193,6 +194,20 @@ class DescribedBench(Protocol):
 
     def unmet_wait(self) -> str:
         """Return why the last `run_until` gave up; empty when it did not, or time has passed since."""
+
+
+@runtime_checkable
+class VariableBench(Protocol):
+    """A bench whose technology objects have variables and words of bits that a case may read."""
+
+    def outputs(self, looked_at: AbstractSet[str]) -> tuple[frozenset[str], frozenset[str]]:
+        """Return which outputs of the technology objects somebody has read, and which nobody has.
+
+        Args:
+            looked_at: Names of the signals, and of the bits of recorded words, that were looked at in the
+                trace.
+
+        """
 
 
 @runtime_checkable

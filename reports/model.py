@@ -211,9 +211,9 @@ class CaseResult:
     reaction: Reaction | None = None
     """What the axis made of the fault or stop, where the user asked for makes of controllers."""
     looked_at: list[str] = field(default_factory=list)
-    """Recorded signals that the case or a check has looked at, sorted."""
+    """Signals, variables and bits of words that the case or a check has looked at, sorted."""
     not_looked_at: list[str] = field(default_factory=list)
-    """Recorded signals that nobody has looked at, sorted."""
+    """Those that nobody has looked at, sorted."""
     configuration: dict[str, str] = field(default_factory=dict)
     """Values by name of the factor of the configuration that it ran on; empty: a bench of its own."""
 

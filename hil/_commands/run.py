@@ -313,9 +313,9 @@ def run_selected(cases: list[Selected], request: RunRequest, own: Sequence[Requi
     if request.unread:
         names = not_looked_at(run)
         console().print(
-            f"{len(names)} recorded signals that nothing looked at: {', '.join(names)}"
+            f"{len(names)} signals, bits and variables that nothing looked at: {', '.join(names)}"
             if names
-            else "every recorded signal was looked at",
+            else "every signal, bit and variable was looked at",
             markup=False,
         )
     if request.budget_s and run.interrupted:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable, Mapping
+from collections.abc import Set as AbstractSet
 from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Literal, Self, overload
@@ -22,6 +23,7 @@ from hil.bench.frame_texts import FrameTexts
 from hil.bench.judged_numbers import numbers_of_drive
 from hil.bench.names import cob_ids, component_names, named, nodes_on
 from hil.bench.numbers import axis_numbers
+from hil.bench.outputs import outputs_of
 from hil.bench.segments import Segments
 from hil.bench.vocabulary import bench_vocabulary
 from hil.bench.waiting import UnmetWait, check_condition, checked_ns
@@ -436,6 +438,17 @@ class Bench:
     def controller(self) -> Controller:
         """The controller as a CPU: operating states, what it keeps, diagnostics buffer."""
         return self.runtime.controller
+
+    def outputs(self, looked_at: AbstractSet[str]) -> tuple[frozenset[str], frozenset[str]]:
+        """Return which variables that axes only show, and which bits of their words, somebody has read, and
+        which nobody has: `axis1.StatusPositioning.Distance`, `axis1.StatusWord.X7`.
+
+        Args:
+            looked_at: Names of the signals, and of the bits of recorded words, that were looked at in the
+                trace.
+
+        """
+        return outputs_of(self._control.axes, looked_at)
 
     # -- names ----------------------------------------------------------------------------------------------
 

@@ -25,7 +25,7 @@ from hil.campaign._reaction import reaction_of, shown_to_go_on, tried_to_go_on
 from hil.campaign._token import Token
 from hil.errors import BlockedError, CaseEndedError, CaseTimeoutError, UnsupportedFaultError
 from hil.expect import describe, run_checkers
-from hil.protocols import ProfiledBench, TimedBench
+from hil.protocols import ProfiledBench, TimedBench, VariableBench
 from hil.record import Difference, Trace, first_difference, homing_drawings
 from reports.model import CaseResult, Check, Reaction, Verdict
 
@@ -176,8 +176,12 @@ def _run_once(case: Case, bench_file: BenchFile[Bench], settings: CaseSettings) 
             context.faults.note_waiting()
             trace = context.trace()
             judged = _judge(case, context, trace, result)
-            result.looked_at = sorted(trace.looked_at)
-            result.not_looked_at = sorted(set(trace.names()) - trace.looked_at)
+            names = set(trace.names())
+            seen, others = trace.looked_at & names, names - trace.looked_at
+            if isinstance(bench, VariableBench):
+                read, unread = bench.outputs(trace.looked_at)
+                seen, others = seen | read, others | unread
+            result.looked_at, result.not_looked_at = sorted(seen), sorted(others)
             if result.verdict is Verdict.FAILED:
                 late_s = _lateness(bench)
                 result.message = "; ".join([result.message, *context.faults.waiting_summary()])

@@ -120,6 +120,8 @@ class _Handle(Generic[_Object]):
     def __init__(self, runtime: Runtime, technology_object: _Object) -> None:
         self._runtime = runtime
         self.object = technology_object
+        self.paths_read: set[str] = set()
+        """Paths of the variables that were read with `var`."""
 
     def __getattr__(self, name: str) -> Any:
         return _attribute(self, self.object, name)
@@ -150,6 +152,7 @@ class _Handle(Generic[_Object]):
             ConfigurationError: There is no such variable on this object type.
 
         """
+        self.paths_read.add(path)
         return self.object.var(path)
 
     def write(self, path: str, value: float) -> None:

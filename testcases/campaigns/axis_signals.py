@@ -111,3 +111,74 @@ def _behind(ctx: CaseContext, axis: str, drive: str) -> float:
     return float(trace[f"{drive}.position"].values[-1]) * 1000.0 - float(
         trace[f"{axis}.actual_position"].values[-1]
     )
+
+
+@CAMPAIGN.case("shown", requirements=("DIA-092", "DIA-093", "DIA-094", "DIA-096", "DIA-097", "DIA-098"))
+def shown(ctx: CaseContext) -> None:
+    """What the variables of the axis show is what the setpoint, the machine and the drive do."""
+    axis, drive, var = axis_name(ctx), drive_name(ctx), ctx.axis.var
+    enable(ctx)
+    ctx.wait_until(ctx.axis.home(10.0).done, 2.0, "the axis is homed")
+
+    def near(path: str, wanted: float, within: float, *ids: str) -> None:
+        value = float(var(path))
+        ctx.measure(path, value, low=wanted - within, high=wanted + within, requirements=ids)
+
+    def last(column: str) -> float:
+        return float(ctx.trace()[column].values[-1])
+
+    job = ctx.axis.move_velocity(240.0, Acceleration=800.0, Jerk=0.0)
+    ctx.run_for(0.15)
+    near("Acceleration", 800.0, 1e-6, "DIA-094")
+    near("Velocity", last(f"{axis}.velocity_setpoint"), 1e-9, "DIA-094")
+    near("ActualAcceleration", 800.0, 80.0)
+    for bit in (6, 7, 8, 10, 12, 13, 14):
+        near(f"StatusWord.X{bit}", float(bit in {10, 13}), 0.0, "DIA-050")
+    ctx.wait_until(job.in_velocity, 3.0, "the velocity is reached")
+    ctx.run_for(0.2)
+    near("Position", last(f"{axis}.position_setpoint"), 1e-6, "DIA-093")
+    near("ActualPosition", last(f"{axis}.actual_position"), 1e-6, "DIA-096")
+    near("StatusPositioning.FollowingError", last(f"{axis}.following_error"), 1e-6, "DIA-098")
+    near("Acceleration", 0.0, 1e-9, "DIA-094")
+    near("ActualAcceleration", 0.0, 60.0)
+    near("VelocitySetpoint", 240.0, 2.0)
+    near("ActualVelocity", 240.0, 2.0, "DIA-097")
+    near("ActualSpeed", 240.0 * 60.0 / 10.0, 5.0)
+    near("OperativeSensor", 1.0, 0.0, "DIA-095")
+    near("StatusSensor[1].Position", last(f"{axis}.actual_position"), 1e-6, "DIA-096")
+    near("StatusSensor[1].Velocity", last(f"{axis}.actual_velocity"), 1e-6, "DIA-097")
+    for path, wanted in (
+        ("StatusSensor[1].State", 2.0),
+        ("StatusSensor[1].CommunicationOK", 1.0),
+        ("StatusSensor[1].Error", 0.0),
+        ("StatusDrive.InOperation", 1.0),
+        ("StatusDrive.CommunicationOK", 1.0),
+        ("StatusDrive.Error", 0.0),
+        ("StatusMotionIn.FunctionState", 0.0),
+        ("ErrorDetail.Number", 0.0),
+        ("StatusWord.X5", 1.0),
+        ("StatusWord.X12", 1.0),
+    ):
+        near(path, wanted, 0.0)
+    ctx.axis.halt(Deceleration=700.0, Jerk=0.0)
+    ctx.run_for(0.1)
+    near("Acceleration", -700.0, 1e-6, "DIA-094")
+    near("StatusWord.X14", 1.0, 0.0, "DIA-050")
+    ctx.run_for(0.5)
+    target = float(var("Position")) - 60.0
+    ctx.axis.move_absolute(target, Velocity=150.0)
+    ctx.run_for(0.2)
+    near("StatusPositioning.TargetPosition", target, 1e-6, "DIA-092")
+    near("StatusWord.X8", 1.0, 0.0, "DIA-047")
+    ctx.run_for(1.0)
+    near("StatusWord.X6", 1.0, 0.0, "DIA-043")
+    near("StatusWord.X7", 1.0, 0.0, "DIA-049")
+    machine = last(f"{drive}.position") * 1000.0
+    near("ActualPosition", machine - _behind_zero(ctx, axis, drive), 0.02, "DIA-096")
+
+
+def _behind_zero(ctx: CaseContext, axis: str, drive: str) -> float:
+    """Return where the machine is when the axis shows 0, mm, from the sample in which it was homed."""
+    trace = ctx.trace()
+    homed_s = max(one.time_ns for one in trace.select(source=axis, kind="axis.homed")) * 1e-9 + cycles(ctx, 3)
+    return trace[f"{drive}.position"].at(homed_s) * 1000.0 - trace[f"{axis}.actual_position"].at(homed_s)

@@ -191,6 +191,7 @@ def _word_of_alarms(axis: AxisView, column: str, bits: Mapping[int, tuple[int, .
     if not _words(axis):
         return None
     places = {number: bit for bit, numbers in bits.items() for number in numbers}
+    axis.note_bits(column, bits)
     count = len(axis.time_s)
     must, may = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
     for raised_ns, cleared_ns, number, _ in _alarm_spans(axis):
@@ -310,6 +311,8 @@ _COMMANDS: Final[tuple[tuple[int, str, tuple[str, ...], str], ...]] = (
     (8, "status_word", _POSITIONING, "VAR-036"),
     (9, "status_word", ("MC_MoveJog",), "VAR-037"),
     (10, "status_word", ("MC_MoveVelocity",), "VAR-038"),
+    (11, "status_word", ("MC_Home",), "VAR-039"),
+    (23, "status_word", ("MC_MoveSuperimposed",), "VAR-047"),
     (31, "status_word", ("MC_MotionInVelocity", "MC_MotionInPosition"), "VAR-054"),
     (6, "status_word2", ("MC_MotionInSuperimposed",), "VAR-063"),
     (7, "status_word2", ("MC_HaltSuperimposed",), "VAR-064"),
@@ -357,7 +360,7 @@ def _command_bits(axis: AxisView) -> Judged | None:
 
 COMMAND_BITS: Final = Rule(
     name="command bits",
-    says="X8, X9, X10, X31 and StatusWord2.X6, X7 show exactly the jobs that are in control",
+    says="X8 to X11, X23, X31 and StatusWord2.X6, X7 show exactly the jobs that are in control",
     requirements=tuple(one for *_, one in _COMMANDS),
     tolerance="the cycle of the change and one on either side",
     judge=_command_bits,

@@ -73,10 +73,15 @@ class ComponentView:
             found = self._words[column] = kept(self[column].astype(np.int64))
         return found
 
+    def note_bits(self, column: str, bits: Iterable[int]) -> None:
+        """Note that bits of a word were looked at."""
+        self._trace.looked_at.update(f"{self.name}.{column}.X{bit}" for bit in bits)
+
     def bit(self, number: int, column: str = "status_word") -> Flags:
         """Return a bit of a word."""
         found = self._bits.get((column, number))
         if found is None:
+            self.note_bits(column, (number,))
             found = self._bits[column, number] = kept(self.word(column) & 1 << number != 0)
         return found
 
