@@ -8,13 +8,15 @@ import numpy as np
 
 from hil.expect.rules._definition import Flags, Judged, Numbers, Rule, Words, last_true
 from hil.expect.rules._frames import Series
-from hil.expect.rules._views import AxisView, DriveView
+from hil.expect.rules._views import OWN_CLOCK, AxisView, DriveView
 
 _N4: Final = 2.0**30
 _N2: Final = 2.0**14
 _WRAP: Final = 2.0**32
 _FLEETING: Final = 1 << 8 | 1 << 10 | 1 << 14
 """Bits of ZSW1 that follow the speed."""
+_WAITS_CYCLES: Final = 5
+"""A frame that was held up by errors of the bus is sent within so many cycles of the bench behind them."""
 _SYNC_S: Final = 5e-4
 """Longest time from the recording of a drive to the SYNC behind it."""
 
@@ -66,9 +68,16 @@ def _around(values: Numbers, at: Words) -> tuple[Numbers, Numbers]:
 
 
 def _beside(drive: DriveView, sent: Series) -> tuple[Words, Flags]:
-    """Return for each frame the sample of the drive just before it, and whether that is of the same cycle."""
+    """Return for each frame the sample of the drive just before it, and whether that is of the same cycle:
+    not where an error on the bus may have made the frame wait.
+    """
     at = np.searchsorted(drive.time_s, sent.time_s, side="right") - 1
     near = (at >= 0) & (sent.time_s - drive.time_s[np.maximum(at, 0)] < 0.6 * drive.whole.cycle_s)
+    if drive.node is not None:
+        waited = drive.whole.frames.behind_errors(
+            drive.node[0], sent.time_s, _WAITS_CYCLES * drive.whole.cycle_s
+        )
+        near = near if waited is None else near & ~waited
     return np.maximum(at, 0), near
 
 
@@ -98,7 +107,7 @@ POSITION_SENT: Final = Rule(
     requirements=("C402-198", "PD-171"),
     tolerance="the way from the record to SYNC, half a millisecond, and two increments",
     judge=_position_sent,
-    excused_by=("encoder.", "frame.", "telegram.", "can.", "drive.boot", "drive.clock"),
+    excused_by=("encoder.", "frame.", "telegram.", "can.", "drive.boot", *OWN_CLOCK),
     recovery_cycles=3,
 )
 
@@ -130,7 +139,7 @@ SPEED_SENT: Final = Rule(
     requirements=("C402-206", "PD-035"),
     tolerance="the change of the speed in the cycles around, 1 % and 5 rpm for the resolution of the encoder",
     judge=_speed_sent,
-    excused_by=("encoder.", "frame.", "telegram.", "can.", "mechanics.", "drive.boot"),
+    excused_by=("encoder.", "frame.", "telegram.", "can.", "mechanics.", "drive.boot", *OWN_CLOCK),
     recovery_cycles=3,
 )
 
@@ -162,7 +171,7 @@ TORQUE_SENT: Final = Rule(
     requirements=("C402-215",),
     tolerance="the change of the torque in the cycles around and 5 % of the rated torque",
     judge=_torque_sent,
-    excused_by=("encoder.", "frame.", "telegram.", "can.", "mechanics.", "drive.boot"),
+    excused_by=("encoder.", "frame.", "telegram.", "can.", "mechanics.", "drive.boot", *OWN_CLOCK),
     recovery_cycles=3,
 )
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from hil.expect.rules._definition import Flags, Judged, Numbers, Rule, differences, last_true, spread
-from hil.expect.rules._views import DriveView
+from hil.expect.rules._views import OWN_CLOCK, DriveView
 
 _WRAP: Final = 2.0**32
 _RPM: Final = 60.0
@@ -56,7 +56,7 @@ MECHANICS: Final = Rule(
     requirements=("STP-550",),
     tolerance="three quarters of the change of the velocity in the cycles around; of a stepper one step",
     judge=_way_of_velocity,
-    excused_by=("mechanics.", "encoder.", "pto.", "drive.brake_slip"),
+    excused_by=("mechanics.", "encoder.", "pto.", "drive.brake_slip", *OWN_CLOCK),
     recovery_cycles=3,
 )
 

@@ -75,11 +75,13 @@ class BusFrames:
     def __init__(self, trace: Trace) -> None:
         self._trace = trace
         self._buses: dict[str, dict[int, Frames]] = {}
+        self._errors: dict[str, NDArray[np.float64]] = {}
 
     def _of_bus(self, bus: str) -> dict[int, Frames]:
         found = self._buses.get(bus)
         if found is None:
             collected: defaultdict[int, _Collected] = defaultdict(_Collected)
+            errors = Spool()
             log = iter(self._trace.raw_frames(bus))
             while part := list(islice(log, _PART)):
                 kept: defaultdict[int, list[tuple[int, bytes]]] = defaultdict(list)
@@ -89,8 +91,23 @@ class BusFrames:
                     kept[frame.can_id].append((time_ns, frame.data))
                 for can_id, frames in kept.items():
                     collected[can_id].add(frames)
+                wrong = np.array([entry[0] for entry in part if entry[3]], dtype=np.float64) * 1e-9
+                errors.write(wrong.tobytes())
+            self._errors[bus] = errors.view(np.float64)
             found = self._buses[bus] = {can_id: one.frames() for can_id, one in collected.items()}
         return found
+
+    def behind_errors(self, bus: str, times: NDArray[np.float64], span_s: float) -> NDArray[np.bool_] | None:
+        """Return the times at most so long behind a frame with an error: what is sent then may have waited.
+
+        None: there was no error on the bus.
+        """
+        self._of_bus(bus)
+        errors = self._errors[bus]
+        if not len(errors):
+            return None
+        last = np.searchsorted(errors, times, side="right") - 1
+        return (last >= 0) & (times - errors[np.maximum(last, 0)] <= span_s)
 
     def of(self, bus: str, can_id: int) -> Frames:
         """Return the frames of an identifier."""

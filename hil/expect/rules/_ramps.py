@@ -198,6 +198,8 @@ def _job_jerk(axis: AxisView) -> Judged | None:
     count = len(a)
     judged, broken = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
     change = np.abs(differences(a)) / axis.cycle_s
+    # The acceleration of a sample that the axis did not make itself says nothing about a jerk.
+    usable = last_true(usable, 1)
     for part in known:
         inside = slice(part.first + 3, part.behind)
         own = usable[inside] & np.isfinite(part.jerk[inside])

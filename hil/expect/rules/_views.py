@@ -31,6 +31,8 @@ CONTROLLED: Final = (
 """States in which the axis makes its setpoints."""
 _LASTING: Final = ("mechanics.coupling_break",)
 """Faults of a moment that nothing takes back."""
+OWN_CLOCK: Final = ("drive.clock_drift", "drive.clock_jitter")
+"""Faults by which a drive makes more or fewer steps in a cycle of the bench."""
 RESTARTS: Final = ("drive.reset", "drive.power_off")
 BOOT: Final = "drive.boot"
 """What a start of a drive is called among the excuses."""

@@ -208,6 +208,20 @@ def test_a_fault_that_the_bench_cannot_have_is_listed():
 
 
 @pytest.mark.exhaustive
+def test_what_a_fault_leaves_behind_breaks_no_rule(subtests):
+    """Rules are silent about frames that waited for a bus with errors, the steps of a drive with a clock of
+    its own, and a setpoint that begins anew when position control comes back.
+    """
+    for text in (
+        "can.no_ack:duration_s=0.01",
+        "drive.clock_jitter:jitter_us=50.0,duration_s=0.5",
+        "axis.position_control_off:duration_s=0.2",
+    ):
+        with subtests.test(stimulus=text):
+            assert witness("reference", move, text, 140, before=enable).row["broken"] == []
+
+
+@pytest.mark.exhaustive
 def test_a_copy_that_fails_is_a_row():
     """An error in the test code of a copy, or of a rule, is told with its branch; the sweep goes on."""
 
