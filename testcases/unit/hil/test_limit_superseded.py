@@ -12,7 +12,7 @@ from hil.bench import load_bench
 pytestmark = pytest.mark.exhaustive
 
 LIMIT = 40.0
-TRIALS = 8
+TRIALS = 4
 
 
 def _dynamics(source: random.Random) -> dict[str, float]:
