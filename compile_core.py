@@ -27,7 +27,7 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 ROOT = Path(__file__).resolve().parent
 PACKAGE = "motion_hil_core"
@@ -194,6 +194,7 @@ def compile_core(target: Path, work: Path, *, optimise: str, jobs: int, shipped:
     build = _Build(folder, work, optimise, jobs)
     for extension in extensions:
         build.extension(extension)
+    build.prune()
     manifest = {
         "modules": [one.name for one in extensions],
         "sources": {} if shipped else before,
@@ -278,6 +279,10 @@ def _sources() -> dict[str, tuple[int, str]]:
     }
 
 
+_BUILDS_KEPT: Final = 3
+"""Builds whose object files stay: two compilers, and the state before a change."""
+
+
 class _Build:
     """Compiles and links; an object file that was made from the same text is taken again."""
 
@@ -287,8 +292,11 @@ class _Build:
         self._folder = folder
         self._objects = work / "objects"
         self._objects.mkdir(exist_ok=True)
+        self._used: set[Path] = set()
         self._compiler = shlex.split(os.environ.get("CC") or str(sysconfig.get_config_var("CC") or "cc"))
-        self._optimise = f"-O{optimise}"
+        self._optimise = [f"-O{optimise}"]
+        if "tcc" not in Path(self._compiler[0]).name:  # it knows none of them
+            self._optimise += settings()["flags"]
         self._headers_of_mypyc = include_dir()
         self._headers = hashlib.sha256(
             b"".join(path.read_bytes() for path in sorted(work.glob("*.h")))
@@ -299,7 +307,7 @@ class _Build:
         """Make one extension module."""
         include = [str(Path(self._headers_of_mypyc, path)) for path in extension.include]
         flags = [
-            self._optimise,
+            *self._optimise,
             *extension.flags,
             *(f"-I{path}" for path in (sysconfig.get_paths()["include"], *include)),
         ]
@@ -314,11 +322,20 @@ class _Build:
         made_with = " ".join([*self._compiler, *(flag for flag in flags if not flag.startswith("-I"))])
         key = hashlib.sha256(text + f"{self._headers} {_suffix()} {made_with}".encode()).hexdigest()[:24]
         file = self._objects / f"{key}.o"
-        if not file.exists():
+        self._used.add(file)
+        if file.exists():
+            file.touch()
+        else:
             partial = file.with_suffix(".part")
             self._run([*self._compiler, "-fPIC", "-c", *flags, "-o", str(partial), source])
             partial.rename(file)
         return str(file)
+
+    def prune(self) -> None:
+        """Remove object files that neither this build nor the last ones before it needed."""
+        kept = sorted(self._objects.glob("*.o"), key=lambda file: file.stat().st_mtime_ns, reverse=True)
+        for file in kept[_BUILDS_KEPT * len(self._used) :]:
+            file.unlink()
 
     @staticmethod
     def _run(command: list[str]) -> None:

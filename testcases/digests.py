@@ -41,17 +41,21 @@ RUNS = (
 def digests_of(campaigns: tuple[str, ...], bench: str, part: str, jobs: str) -> dict[str, str]:
     """Run cases and return `bench, group, identifier: verdict, digest`."""
     paths = [str(CAMPAIGNS / f"{name}.py" if name else CAMPAIGNS) for name in campaigns]
+    return run_and_read(["run", *paths, *(["--shard", part] if part else [])], bench, jobs)
+
+
+def run_and_read(what: list[str], bench: str, jobs: str) -> dict[str, str]:
+    """Run `hil` with these arguments and return the digests of the cases; none if no case is left."""
     with tempfile.TemporaryDirectory() as folder:
         command = [
-            sys.executable, "-m", "hil.cli", "run", *paths, "--report", folder, "-j", jobs,
+            sys.executable, "-m", "hil.cli", *what, "--report", folder, "-j", jobs,
             "--evidence", "none", "--history", "none", *(["--bench", bench] if bench else []),
-            *(["--shard", part] if part else []),
         ]  # fmt: skip
         done = subprocess.run(
             command, check=False, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
         )
         table = Path(folder) / "cases.csv"
-        if part and "no case is left for shard" in done.stdout:
+        if "no case is left for shard" in done.stdout:
             return {}
         if not table.exists():
             sys.exit(f"no result from: {' '.join(command)}\n{done.stdout}")

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from motion.kernel.monitoring import Monitoring
-    from motion.s7.axis.hardware_limits import HardwareLimits
-    from motion.s7.axis.software_limits import SoftwareLimits
+from motion.kernel.monitoring import Monitoring
+from motion.s7.axis.hardware_limits import HardwareLimits
+from motion.s7.axis.software_limits import SoftwareLimits
 
 
 @dataclass(frozen=True)
