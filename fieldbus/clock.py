@@ -277,6 +277,8 @@ class VirtualScheduler(Scheduler):
     @override
     def every_step(self, period_ns: int, stepper: Stepper) -> Timer:
         timer = self.every(period_ns, stepper.step)
+        if self._running:
+            return timer  # entered by an event: one itself
         # It keeps its place among the events, without being one.
         entry = max(self._heap, key=_sequence_of)
         self._heap.remove(entry)
@@ -354,22 +356,19 @@ class VirtualScheduler(Scheduler):
 
     def _run_asking(self, predicate: Callable[[], object], end: int) -> bool:
         """Run events up to `end`, or until a predicate is true: it is asked after every instant, that of a
-        step too.
+        step too. Steps are events meanwhile.
         """
         heap = self._heap
         if predicate():
             return True
-        while heap or self._steps:
-            due = self._step_due
-            if heap and heap[0][0] <= due:
-                due = heap[0][0]
-            if due > end:
-                break
-            if due == self._step_due:
-                self._step_singly(due)
-            self._now = due
-            if heap and heap[0][0] == due:
-                _, priority, sequence, timer = heap[0]
+        lent = self._steps.copy()
+        self.make_steps_events()
+        try:
+            while heap:
+                due, priority, sequence, timer = heap[0]
+                if due > end:
+                    break
+                self._now = due
                 if timer.cancelled:
                     _pop(heap)
                 else:
@@ -380,9 +379,18 @@ class VirtualScheduler(Scheduler):
                     else:
                         _pop(heap)
                     timer.callback()
-            if not (heap and heap[0][0] == due) and self._step_due > due and predicate():
-                return True
-        self._now = end
+                if not (heap and heap[0][0] == due) and predicate():
+                    return True
+            self._now = end
+        finally:
+            for _, sequence, steps in lent:
+                timer = steps.timer
+                # One that a clock has taken for itself meanwhile stays an event.
+                if timer.callback == steps.step and timer.period_ns == steps.period_ns:
+                    heap.remove((timer.due_ns, 0, sequence, timer))
+                    _push(self._steps, (timer.due_ns, sequence, steps))
+            heapify(heap)
+            self._note_next_step()
         return False
 
     # -- steps
