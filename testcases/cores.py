@@ -21,7 +21,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from testcases.digests import CAMPAIGNS, RUNS, digests_of, run_and_read, tell
+from hil.campaign import SHIPPED
+from testcases.digests import RUNS, digests_of, run_and_read, tell
 
 BENCHES = (
     "reference", "fast", "speed", "profidrive", "profidrive_tcp", "profidrive_rtu", "analog", "stepper",
@@ -53,11 +54,10 @@ class Source:
 
 def sources(jobs: str) -> list[Source]:
     """Return all of them."""
-    matrix = sorted(str(path) for path in CAMPAIGNS.glob("*.toml"))
-    python = sorted(str(path) for path in CAMPAIGNS.glob("[a-z]*.py"))
 
-    def part(paths: list[str]) -> Callable[[int], dict[str, str]]:
-        return lambda number: run_and_read(["run", *paths, "--shard", f"{number + 1}/{PARTS}"], "", jobs)
+    def part(*, matrix: bool) -> Callable[[int], dict[str, str]]:
+        names = [one.name for one in SHIPPED if one.matrix is matrix]
+        return lambda number: run_and_read(["run", *names, "--shard", f"{number + 1}/{PARTS}"], "", jobs)
 
     def other(number: int) -> dict[str, str]:
         result: dict[str, str] = {}
@@ -67,8 +67,8 @@ def sources(jobs: str) -> list[Source]:
 
     return [
         Source("hil demo", 1, lambda _number: run_and_read(["demo"], "", jobs)),
-        Source("matrix files", PARTS, part(matrix)),
-        Source("Python campaigns", PARTS, part(python)),
+        Source("matrix files", PARTS, part(matrix=True)),
+        Source("Python campaigns", PARTS, part(matrix=False)),
         Source("campaigns on other benches", PARTS, other),
         *(Source(f"fuzz {name}", PROGRAMS // PIECE, _fuzzing(name)) for name in BENCHES),
     ]
@@ -117,7 +117,8 @@ def compare(every: list[Source], budget_s: float, start: int) -> int:
         pure, compiled = found
         wrong = sorted(one for one in pure.keys() | compiled.keys() if pure.get(one) != compiled.get(one))
         if wrong:
-            tell({one: pure.get(one, "") for one in wrong}, compiled, ("pure", "compiled"))
+            first, second = ({name: one[name] for name in wrong if name in one} for one in found)
+            tell(first, second, ("pure", "compiled"))
         source.done += 1
         source.compared += len(pure)
         source.differing += wrong
