@@ -315,8 +315,8 @@ class NcAxis:
             return NO_ERROR
         if self.coupling.master is not None:
             self.decouple()
-        if self.external.enabled and command.kind != STOP:
-            self.external.cancel()
+        if self.external.enabled:
+            self.external.cancel(moving=command.kind == STOP)
         self.raw_output = None
         if command.kind != STOP:
             self._last_dynamics = command.deceleration, command.jerk
@@ -364,8 +364,7 @@ class NcAxis:
         if not ramp or self.coupling.master is not None or self._group is not None:
             self.raise_error(BLOCK_STOPPED)
             return
-        if self.external.enabled:
-            self.external.cancel()
+        self.external.cancel(moving=True)
         self.superposed.abort(CommandState.ABORTED, NO_ERROR)
         fast = self.fast_stop
         self.motion.submit(
@@ -939,7 +938,7 @@ class NcAxis:
             return False
         if self.coupling.master is not None:
             self.decouple()
-        self.external.cancel()
+        self.external.cancel(moving=True)
         self.superposed.abort(CommandState.ABORTED, NO_ERROR)
         return True
 

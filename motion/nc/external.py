@@ -68,12 +68,14 @@ class ExternalSetpoints:
         self._ending = True
         return NO_ERROR
 
-    def cancel(self) -> None:
-        """End at once: an error, a reset, or the enable is gone (NC-571, NC-572)."""
+    def cancel(self, *, moving: bool = False) -> None:
+        """End at once: an error, a reset, or the enable is gone (NC-571, NC-572); `moving`: for a stop, which
+        brakes from the present velocity (NC-035).
+        """
         if self._type:
             self._type = 0
             self.enabled = False
-            self._motion.take_offset()
+            self._motion.take_offset(moving=moving)
 
     def step(self) -> None:
         """Take the packet of this cycle over, if it counts."""

@@ -106,11 +106,13 @@ class Motion:
         """Add external setpoints to those of the profile (NC-584)."""
         self.offset, self.offset_v, self.offset_a = s, v, a
 
-    def take_offset(self) -> None:
-        """Stand where profile and external setpoints have led; a running command goes on from there."""
+    def take_offset(self, *, moving: bool = False) -> None:
+        """Stand where profile and external setpoints have led, or go on with their velocity, for a stop that
+        follows; a running command goes on from there.
+        """
         active = self.active
         if active is None:
-            self.generator.set_state(self.s, 0.0)
+            self.generator.set_state(self.s, self.v if moving else 0.0)
         else:
             self.generator.shift(self.offset)
             self.target += self.offset

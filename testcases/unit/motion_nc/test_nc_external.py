@@ -1,5 +1,7 @@
 """External setpoints and the fast axis stop."""
 
+from itertools import pairwise
+
 import pytest
 
 from testcases.unit.motion_nc.nc_rig import Rig, T
@@ -254,3 +256,50 @@ def test_fast_dynamics():
         assert move.CommandAborted
         assert not rig.axis.error
         rig.until(rig.handle.move_relative(5.0, Velocity=50.0).done)
+
+
+@pytest.mark.requirement("NC-035")
+def test_a_stop_brakes_external_setpoints(subtests):
+    """Whatever stops an axis that the PLC leads ends the generation, and brakes from its velocity on its
+    ramp.
+    """
+
+    def stop(rig):
+        rig.handle.stop(Deceleration=500.0, Jerk=1e6)
+
+    def feed(rig):
+        rig.handle.power(positive=False)
+
+    def fast(rig):
+        rig.device.fast_stop = True
+
+    for how, deceleration in ((stop, 500.0), (feed, 400.0), (fast, 300.0)):
+        with subtests.test(how.__name__):
+            rig = Rig(
+                axis__fast_axis_stop_signal_type="Rising Edge",
+                axis__fast_deceleration=300.0,
+                axis__fast_jerk=1e6,
+                axis__default_deceleration=400.0,
+                axis__default_jerk=1e6,
+            ).enabled()
+            rig.handle.external_enable(0.0)
+            rig.cycles(2)
+            packet = rig.ref.PlcToNc
+
+            def write(packet=packet):
+                packet.ExtSetVelo, packet.ExtSetDirection = 100.0, 1
+                packet.ExtSetPos += 100.0 * T
+
+            rig.runtime.call(write)
+            rig.cycles(100)
+            assert rig.axis.motion.v == 100.0
+            how(rig)
+            velocities = []
+            for _ in range(300):
+                rig.cycles()
+                velocities.append(rig.axis.motion.v)
+            steepest = max(a - b for a, b in pairwise(velocities)) / T
+            assert steepest == pytest.approx(deceleration, rel=0.01)
+            assert velocities[-1] == 0.0
+            assert not rig.status("ExtSetPointGenEnabled")
+            assert not rig.axis.error
