@@ -313,6 +313,7 @@ class Machine:
             "at": round(time.monotonic() * 1000.0),
             "time_s": None if self.bench is None else self.bench.now_s,
             "operator": None if operator is None else operator.name,
+            "away": operator is not None and not self._control.present,
             "pages": len(clients),
         }
         if self.bench is not None:

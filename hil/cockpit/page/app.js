@@ -184,8 +184,10 @@ connection.on("state", (state) => {
   text(controlButton, operates ? "Release control" : "Take control");
   controlButton.disabled = !operates && state.operator !== null;
   time.state(state);
-  text(heldBanner, state.time?.held || "");
-  show(heldBanner, Boolean(state.time?.held));
+  const late = operates && state.away ? "The connection is slow: signs of life of this page come late, or what it shows is older than 2 s. Every axis is stopped." : "";
+  const held = late || state.time?.held || "";
+  text(heldBanner, held);
+  show(heldBanner, Boolean(held));
   for (const view of made.values()) view.state?.(state);
 });
 

@@ -174,6 +174,7 @@ def test_jog_ends_with_the_operator(cockpit, way):
             one.hush()
             watcher.until(lambda: velocity(watcher) == 0.0, "stopped")
             assert "sign of life" in one.refused("axis.jog", axis="axis1", slider=50.0)
+            watcher.until(lambda: watcher.state["away"], "the pages see that")
         else:
             one.do("axis.away")
         watcher.until(lambda: velocity(watcher) == 0.0, "stopped")
