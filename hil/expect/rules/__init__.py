@@ -16,7 +16,7 @@ from hil.expect.rules import (
     _ramps,
 )
 from hil.expect.rules._definition import Findings, Rule
-from hil.expect.rules._pieces import LONGEST, pieces
+from hil.expect.rules._pieces import pieces
 from hil.expect.rules._views import AxisView, DriveView, TraceView
 
 if TYPE_CHECKING:
@@ -43,10 +43,11 @@ ALL_RULES: Final[tuple[Rule[Any], ...]] = (*AXIS_RULES, *DRIVE_RULES)
 """All of them; a check is called by the name of its rule, with the component behind it."""
 
 
-def judge(trace: Trace, *, longest: int = LONGEST) -> list[Check]:
+def judge(trace: Trace, *, longest: int | None = None) -> list[Check]:
     """Return the checks of all rules on all components that they can judge.
 
-    A trace with more than `longest` samples of a component is judged in pieces that overlap.
+    A trace with more than `longest` samples of a component (None: by their number) is judged in pieces that
+    overlap.
 
     A bus log shows too little. On a live bench controller and drives record in processes of their own, at
     times that waver: what most rules compare cycle by cycle is not of the same instant there; the others

@@ -9,24 +9,29 @@ if TYPE_CHECKING:
     from fieldbus.history import Event
     from hil.record import Trace
 
-LONGEST: Final = 65_536
-"""Samples of a component up to which a trace is judged in one piece: 260 s with a cycle of 4 ms."""
+_SAMPLES: Final = 131_072
+"""Samples of all components together up to which a trace is judged in one piece: 174 s of an axis with its
+drive and segment, 58 s of four, with a cycle of 4 ms.
+"""
 _OVERLAP: Final = 2_500
 """Samples before and behind a piece that its rules see, too: 10 s with a cycle of 4 ms."""
 _WHAT: Final = ("job", "number", "variable", "start", "injection", "fault", "name", "object", "code")
 """Details that say what an event is about: of each the last one before a piece tells what holds then."""
 
 
-def pieces(trace: Trace, *, longest: int = LONGEST) -> Iterator[tuple[Trace, tuple[float, float] | None]]:
+def pieces(trace: Trace, *, longest: int | None = None) -> Iterator[tuple[Trace, tuple[float, float] | None]]:
     """Return the pieces of a trace with the times from which on and before which findings of each count, s;
     None: all do.
 
     Args:
         trace: The trace.
-        longest: Samples of a piece at most, without those of the overlap.
+        longest: Samples of a component in a piece, without those of the overlap; None: by the number of
+            components.
 
     """
     most = max(trace.groups, key=lambda group: len(group.time_ns), default=None)
+    if longest is None:
+        longest = _SAMPLES // max(1, len(trace.groups))
     if most is None or len(most.time_ns) <= longest:
         yield trace, None
         return
