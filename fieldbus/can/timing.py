@@ -10,13 +10,10 @@ whole, data and checksum go through tables, byte by byte, and the result is kept
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from fieldbus.can.frame import CanFrame
 from fieldbus.errors import BusError
-
-if TYPE_CHECKING:
-    from mypy_extensions import i64
 
 INTERMISSION_BITS: Final = 3
 """Recessive bits between two frames (CANP-008); part of `frame_bits`."""
@@ -27,12 +24,12 @@ TAIL_BITS: Final = 10
 CRC_POLYNOMIAL: Final = 0x4599
 """Generator of the 15-bit checksum without its leading term (CANP-012)."""
 
-# The stuff table has, for each run of equal bits that the wire may show so far, one entry per next byte:
-# where the entries of the run after it begin, and above `_STUFFED` the stuff bits inserted in it. Then come
-# 128 for 7 bits more (the rest of a checksum behind its first byte), with the stuff bits only.
-_STUFFED: Final = 20
-_PLACE: Final = (1 << _STUFFED) - 1
-_ENTRIES: Final = 256 + 128
+# The wire is in one of eight states, the run of equal bits that it shows so far, and so many stuff bits have
+# been inserted behind the header: state + 8 * stuff bits. For each next byte the stuff tables have a row with
+# what comes after it; behind these 256 rows there are 128 for 7 bits more, the rest of a checksum.
+_STATES: Final = 8
+_MOST_STUFFED: Final = 26
+"""More stuff bits than eight bytes and a checksum can have, which is 20."""
 _Run = tuple[int, int]  # last bit, how many of it in a row (1..4)
 
 _RUNS: Final[tuple[_Run, ...]] = tuple((bit, length) for bit in (0, 1) for length in (1, 2, 3, 4))
@@ -52,20 +49,19 @@ def _advance(run: _Run, value: int, width: int) -> tuple[_Run, int]:
     return (last, length), stuffed
 
 
-def _build_stuff_table() -> list[int]:
+def _build_stuff_tables() -> list[list[int]]:
     nibbles = {run: [_advance(run, value, 4) for value in range(16)] for run in _RUNS}
-    table = []
-    for run in _RUNS:
-        for high, high_stuffed in nibbles[run]:
-            for low, low_stuffed in nibbles[high]:
-                table.append((high_stuffed + low_stuffed) << _STUFFED | _place_of(low))
-        table += [_advance(run, value, 7)[1] << _STUFFED for value in range(128)]
-    return table
-
-
-def _place_of(run: _Run) -> int:
-    """Return where the entries of a run begin in the stuff table."""
-    return _RUNS.index(run) * _ENTRIES
+    after: list[list[int]] = []  # by value of the byte, then by state
+    for value in range(256):
+        row = []
+        for run in _RUNS:
+            high, high_stuffed = nibbles[run][value >> 4]
+            low, low_stuffed = nibbles[high][value & 15]
+            row.append(_RUNS.index(low) + _STATES * (high_stuffed + low_stuffed))
+        after.append(row)
+    after += [[_STATES * _advance(run, value, 7)[1] for run in _RUNS] for value in range(128)]
+    more = range(0, _STATES * _MOST_STUFFED, _STATES)
+    return [[one + before for before in more for one in row] for row in after]
 
 
 def _build_crc_table() -> tuple[int, ...]:
@@ -89,7 +85,7 @@ def _build_position_tables() -> list[tuple[int, ...]]:
     return tables
 
 
-_STUFF: Final = _build_stuff_table()
+_STUFF: Final = _build_stuff_tables()
 _CRC: Final = _build_crc_table()
 _POSITIONS: Final = _build_position_tables()
 _P0: Final = _POSITIONS[0]
@@ -114,7 +110,7 @@ def _header_bits(can_id: int, extended: bool, remote: bool, dlc: int) -> tuple[i
 @lru_cache(maxsize=4096)
 def _header(can_id: int, extended: bool, remote: bool, dlc: int) -> tuple[int, int, int, int, int]:
     """Return arbitration key, CRC after the header and that 8 zero bytes later,
-    place in the stuff table, bits without data.
+    state of the wire, bits without data.
     """
     limit = 0x1FFFFFFF if extended else 0x7FF
     if not 0 <= can_id <= limit:
@@ -132,39 +128,28 @@ def _header(can_id: int, extended: bool, remote: bool, dlc: int) -> tuple[int, i
     run, stuffed = _advance((0, 1), value, width - 1)  # behind SOF
     # The arbitration field, left-aligned in 32 bits: base identifier, RTR or SRR, IDE, extension, RTR.
     key = value >> 6 if extended else (value >> 6) << 20
-    return key, crc, crc_8, _place_of(run), (67 if extended else 47) + stuffed
+    return key, crc, crc_8, _RUNS.index(run), (67 if extended else 47) + stuffed
 
 
-def _bits_of_eight(data: bytes, crc: int, place: int, bits: int) -> int:
+def _bits_of_eight(data: bytes, crc: int, wire: int, bits: int) -> int:
     """Return the bits of a frame with eight bytes, from what `_header` says; twice as fast as a loop."""
     a, b, c, d, e, f, g, h = data
-    check: i64 = crc ^ _P7[a] ^ _P6[b] ^ _P5[c] ^ _P4[d] ^ _P3[e] ^ _P2[f] ^ _P1[g] ^ _P0[h]
+    check = crc ^ _P7[a] ^ _P6[b] ^ _P5[c] ^ _P4[d] ^ _P3[e] ^ _P2[f] ^ _P1[g] ^ _P0[h]
     table = _STUFF
-    i: i64 = table[place + a]
-    j: i64 = table[(i & _PLACE) + b]
-    k: i64 = table[(j & _PLACE) + c]
-    m: i64 = table[(k & _PLACE) + d]
-    n: i64 = table[(m & _PLACE) + e]
-    p: i64 = table[(n & _PLACE) + f]
-    q: i64 = table[(p & _PLACE) + g]
-    r: i64 = table[(q & _PLACE) + h]
-    s: i64 = table[(r & _PLACE) + (check >> 7)]
-    t: i64 = table[(s & _PLACE) + (check & 0x7F) + 256]
-    return bits + 64 + ((i + j + k + m + n + p + q + r + s + t) >> _STUFFED)
+    wire = table[b][table[a][wire]]
+    wire = table[d][table[c][wire]]
+    wire = table[f][table[e][wire]]
+    wire = table[h][table[g][wire]]
+    return bits + 64 + (table[256 + (check & 0x7F)][table[check >> 7][wire]] >> 3)
 
 
-def _bits_of_few(data: bytes, crc: int, place: int, bits: int) -> int:
+def _bits_of_few(data: bytes, crc: int, wire: int, bits: int) -> int:
     """Return the bits of a frame with fewer bytes, whose own bits are counted already."""
     table, checks = _STUFF, _CRC
-    check: i64 = crc
-    entry: i64 = place
-    total: i64 = 0
     for byte in data:
-        check = check << 8 & 0x7FFF ^ checks[check >> 7 ^ byte]
-        entry = table[(entry & _PLACE) + byte]
-        total += entry
-    entry = table[(entry & _PLACE) + (check >> 7)]
-    return bits + ((total + entry + table[(entry & _PLACE) + (check & 0x7F) + 256]) >> _STUFFED)
+        crc = crc << 8 & 0x7FFF ^ checks[crc >> 7 ^ byte]
+        wire = table[byte][wire]
+    return bits + (table[256 + (crc & 0x7F)][table[crc >> 7][wire]] >> 3)
 
 
 def _timing(can_id: int, data: bytes, extended: bool, remote: bool, dlc: int) -> tuple[int, int]:
