@@ -215,11 +215,14 @@ def check_comes_up(trace: Trace) -> list[Check]:
         if len(on) == 0:
             continue
         begin_s = float(enable.time_s[on[0]])
+        off = on[0] + np.flatnonzero(enable.values[on[0] :] == 0)
+        withdrawn_s = float(enable.time_s[off[0]]) if len(off) else float("inf")
         up = np.flatnonzero(status.values != 0)
         up_s = float(status.time_s[up[0]]) if len(up) else float("inf")
         other_s = min(
             (entry.time_ns * 1e-9 for entry in trace.events if _asks_more(entry)), default=float("inf")
         )
+        other_s = min(other_s, withdrawn_s)
         alarms = [
             entry
             for entry in trace.select(source=axis, kind="alarm.raised")
@@ -299,6 +302,15 @@ def _drifted(trace: Trace, axis: str, drive: str, scale: float) -> tuple[float, 
     disturbed = _inside(times, _fault_spans(trace, _FEEDBACK, _FEEDBACK_S))
     disturbed |= _inside(times, _fault_spans(trace, ("controller.",), _CONTROLLER_S))
     disturbed |= _inside(times, _out_of_step(trace, drive))
+    # An encoder in error gives no position.
+    disturbed |= _inside(
+        times,
+        [
+            (raised_ns * 1e-9, cleared_ns * 1e-9)
+            for raised_ns, cleared_ns, number, _ in pending_alarms(trace, axis)
+            if number == 411
+        ],
+    )
     resets = sorted(
         entry.time_ns * 1e-9
         for entry in (

@@ -73,9 +73,9 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "gear-ratio-twice",
         "The torque of the motor reaches the load with twice the force",
-        f"{_AXIS}.step",
-        "force = torque_Nm * self._force_per_torque + self._load_force",
-        "force = 2.0 * torque_Nm * self._force_per_torque + self._load_force",
+        f"{_AXIS}.__init__",
+        "self._force_per_torque = 1.0 / self.ratio",
+        "self._force_per_torque = 2.0 / self.ratio",
         ids=("STP-311",),
         likely=("axis-signals/follows@reference",),
     ),

@@ -288,6 +288,7 @@ LIMIT_ALARMS: Final = Rule(
 
 _UNFOUNDED: Final = (421, 411, 431, 550, 401, 412, 106, 108, 201, 202, 203, 552, 102, 103)
 """Alarms of a device or of its bus: without a fault there is none."""
+_ASK_ENCODERS: Final = ("MC_Home", "MC_MeasuringInput", "MC_MeasuringInputCyclic")
 _OUTSIDE: Final = (
     "controller.state",
     "controller.initialised",
@@ -297,10 +298,19 @@ _OUTSIDE: Final = (
 
 def _unfounded_alarms(axis: AxisView) -> Judged | None:
     begin_s = _first_disturbance(axis)
+    # An encoder answers a search for a mark that it does not have with an error.
+    asked_s = min(
+        (
+            entry.time_ns * 1e-9
+            for entry in axis.whole.events.of(axis.name, "job.started")
+            if entry.data.get("instruction") in _ASK_ENCODERS
+        ),
+        default=float("inf"),
+    )
     found = []
     for entry in axis.whole.events.of(axis.name, "alarm.raised"):
         when, number = entry.time_ns * 1e-9, entry.data.get("number")
-        if number in _UNFOUNDED:
+        if number in _UNFOUNDED and not (number == 411 and when >= asked_s):
             text = f"alarm {number} ({entry.data.get('text')}) without a fault" if when < begin_s else ""
             found.append((when, text))
     return Judged.of_list(found) if found else None

@@ -342,8 +342,10 @@ HOMED: Final = Rule(
     requirements=("MC-215", "MC-216", "DIA-030"),
     tolerance="a cycle",
     judge=_homed,
-    excused_by=("controller.", "encoder.", "drive.", "frame.", "telegram.", "can.", "link."),
+    excused_by=(
+        "controller.", "encoder.", "drive.", "frame.", "telegram.", "can.", "modbus.", "io.", "pto.",
+    ),
     recovery_s=1.0,
-)
+)  # fmt: skip
 
 AXIS_RULES: Final[tuple[Rule[AxisView], ...]] = (ARRIVAL, TARGET, LIMIT_BITS, LIMIT_PASSED, HOMED)

@@ -220,7 +220,7 @@ def test_a_live_bench_refuses_what_it_hears_too_late(bench, monkeypatch):
     take instead.
     """
     monkeypatch.setattr(bench, "kind", "live")
-    bench.history.events[:] = []
+    bench.history.events.clear()
     for trigger in (on_event("drive.state"), state("drive1", "Fault"), on_event("emcy.raised", "drive1")):
         with pytest.raises(UnsupportedFaultError, match=r"live bench.*emcy\.received"):
             arm(bench, trigger)

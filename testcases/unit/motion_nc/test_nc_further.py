@@ -355,6 +355,7 @@ def test_direct_inputs_of_terminals(subtests):
         zsw1, link_ok, sensor_fault, sign_lost = 0x0200, True, False, False
         actual_torque_nm, encoder_increments, encoder_restarts, following_error = 0.0, 0, 0, 0
         inputs = 0b111
+        analog = False
 
         def read(self):
             """Do nothing."""
