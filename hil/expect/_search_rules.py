@@ -286,6 +286,10 @@ def _out_of_step(trace: Trace, drive: str) -> Spans:
     return spans if begin is None else [*spans, (begin, float("inf"))]
 
 
+_DELAY_CYCLES: Final = 4
+"""Cycles that an actual position may be late."""
+
+
 def _drifted(trace: Trace, axis: str, drive: str, scale: float) -> tuple[float, str] | None:
     """Return when actual and true position drift apart by more than the delay of the bus explains."""
     actual = trace[f"{axis}.actual_position"]
@@ -318,7 +322,11 @@ def _drifted(trace: Trace, axis: str, drive: str, scale: float) -> tuple[float, 
             *(entry for entry in trace.events if entry.kind in _NEW_COORDINATES),
         )
     )
-    margin = speed * 4 * trace.constants.get(f"{axis}.cycle_s", 0.004) + 0.05
+    # At a bounce off an end stop the speed of the moment is small, and the delayed position still far behind.
+    recent = speed.copy()
+    for ago in range(1, _DELAY_CYCLES + 1):
+        recent[ago:] = np.fmax(recent[ago:], speed[:-ago])
+    margin = recent * _DELAY_CYCLES * trace.constants.get(f"{axis}.cycle_s", 0.004) + 0.05
     if trace.constants.get(f"{axis}.Sensor[1].Backlash.Enable"):
         # What is added to the position by the direction of motion.
         margin += trace.constants.get(f"{axis}.Sensor[1].Backlash.Size", 0.0)

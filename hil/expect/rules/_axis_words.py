@@ -343,6 +343,8 @@ def _command_bits(axis: AxisView) -> Judged | None:
     none = np.zeros(count, dtype=bool)
     wrong = np.full(count, -1)
     for place, (bit, column, instructions, _) in enumerate(_COMMANDS):
+        if axis.drive is None and instructions == ("MC_Home",):
+            continue  # there is nothing to search, whatever the mode (HOM-031)
         expected = none
         for instruction in instructions:
             expected = expected | active.get(instruction, none)

@@ -179,12 +179,17 @@ def _target(axis: AxisView) -> Judged | None:
             continue
         reached = float(setpoint[behind])
         if instruction == "MC_MoveAbsolute" and "position" in asked:
-            wanted = float(asked["position"] or 0.0)
+            begins = np.zeros(1)
+            way = float(asked["position"] or 0.0)
         elif instruction == "MC_MoveRelative" and "distance" in asked:
-            wanted = float(setpoint[span.first]) + float(asked["distance"] or 0.0)
+            # In motion the position at which the job takes over is that of one of these samples.
+            begins = setpoint[max(span.first - 1, 0) : span.first + axis.ratio + 1]
+            way = float(asked["distance"] or 0.0)
         else:
             continue
-        wrong = abs(reached - wanted) > 1e-6 * scale
+        wanted = float(begins[-1]) + way
+        begun = reached - way
+        wrong = not begins.min() - 1e-6 * scale <= begun <= begins.max() + 1e-6 * scale
         text = f"{instruction} is done at {reached:.6g} and not at {wanted:.6g}" if wrong else ""
         found.append((axis.time_s[behind], text))
     return Judged.of_list(found) if found else None
