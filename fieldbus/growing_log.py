@@ -109,12 +109,12 @@ class GrowingLog(Sequence[T]):
             drop(count)
 
     def clear(self) -> None:
-        """Drop all entries; numbers begin anew."""
+        """Drop all entries; numbers start at 0 again."""
         self.newest.clear()
         self.forget_stored()
 
     def forget_stored(self) -> None:
-        """Drop the entries in the store; numbers begin anew with those in memory."""
+        """Drop the entries in the store; those in memory are numbered from 0."""
         self._older, self._stored = None, 0
 
     def copy(self) -> Sequence[T]:

@@ -22,7 +22,7 @@ class Session:
     """Does what an operator wants on a bench, and records it.
 
     Args:
-        bench: The bench; a session begins with it, and ends when it is started anew.
+        bench: The bench; a session begins with it, and ends when it is restarted.
         injector: Arms its faults; None: one of its own.
 
     """

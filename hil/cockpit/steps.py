@@ -43,6 +43,11 @@ COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
 """Methods of an axis that a session may call, with the inputs that are given without their names."""
 
 
+def _given(inputs: Mapping[str, Scalar]) -> str:
+    """Return inputs with their values, for a list of steps."""
+    return ", ".join(f"{name} = {value}" for name, value in inputs.items())
+
+
 @dataclass(frozen=True)
 class Command:
     """An instruction to an axis: a method of its handle.
@@ -63,8 +68,7 @@ class Command:
             raise UnknownNameError("step.command", self.name, "a command", COMMANDS)
 
     def __str__(self) -> str:
-        given = ", ".join(f"{name} = {value}" for name, value in self.inputs.items())
-        return f"{self.axis}: {self.name.replace('_', ' ')} {given}".rstrip()
+        return f"{self.axis}: {self.name.replace('_', ' ')} {_given(self.inputs)}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -76,8 +80,7 @@ class SetInputs:
     inputs: Mapping[str, Scalar]
 
     def __str__(self) -> str:
-        given = ", ".join(f"{name} = {value}" for name, value in self.inputs.items())
-        return f"step {self.step + 1}: {given}"
+        return f"step {self.step + 1}: {_given(self.inputs)}"
 
 
 @dataclass(frozen=True)

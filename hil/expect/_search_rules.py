@@ -219,10 +219,7 @@ def check_comes_up(trace: Trace) -> list[Check]:
         withdrawn_s = float(enable.time_s[off[0]]) if len(off) else float("inf")
         up = np.flatnonzero(status.values != 0)
         up_s = float(status.time_s[up[0]]) if len(up) else float("inf")
-        other_s = min(
-            (entry.time_ns * 1e-9 for entry in trace.events if _asks_more(entry)), default=float("inf")
-        )
-        other_s = min(other_s, withdrawn_s)
+        other_s = min([withdrawn_s, *(entry.time_ns * 1e-9 for entry in trace.events if _asks_more(entry))])
         alarms = [
             entry
             for entry in trace.select(source=axis, kind="alarm.raised")

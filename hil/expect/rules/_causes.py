@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Final
 
 import numpy as np
 
+from fieldbus.history import Event
 from hil.expect.rules._definition import Flags, Judged, Numbers, Rule, differences, last_true, spread
 from hil.expect.rules._views import CONTROLLED, AxisView, DriveView
 
@@ -299,13 +300,10 @@ _OUTSIDE: Final = (
 def _unfounded_alarms(axis: AxisView) -> Judged | None:
     begin_s = _first_disturbance(axis)
     # An encoder answers a search for a mark that it does not have with an error.
-    asked_s = min(
-        (
-            entry.time_ns * 1e-9
-            for entry in axis.whole.events.of(axis.name, "job.started")
-            if entry.data.get("instruction") in _ASK_ENCODERS
-        ),
-        default=float("inf"),
+    asked_s = _first(
+        entry
+        for entry in axis.whole.events.of(axis.name, "job.started")
+        if entry.data.get("instruction") in _ASK_ENCODERS
     )
     found = []
     for entry in axis.whole.events.of(axis.name, "alarm.raised"):
@@ -318,9 +316,12 @@ def _unfounded_alarms(axis: AxisView) -> Judged | None:
 
 def _first_disturbance(view: AxisView | DriveView) -> float:
     """Return from when on something has disturbed the bench, s: a fault, a change of the controller."""
-    events = view.whole.events
-    times = [entry.time_ns * 1e-9 for entry in events.all("fault.applied", "fault.hit", *_OUTSIDE)]
-    return min(times, default=float("inf"))
+    return _first(view.whole.events.all("fault.applied", "fault.hit", *_OUTSIDE))
+
+
+def _first(events: Iterable[Event]) -> float:
+    """Return when the first of some events came, s; infinite without one."""
+    return min((entry.time_ns * 1e-9 for entry in events), default=float("inf"))
 
 
 UNFOUNDED_ALARMS: Final = Rule(

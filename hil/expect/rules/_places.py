@@ -38,7 +38,7 @@ class _Monitoring(NamedTuple):
 
 
 def _spans(axis: AxisView) -> list[_Span]:
-    """Return the times in which monitored jobs have control; of a job that was started anew its last one."""
+    """Return the times in which monitored jobs have control; of a job that was started again its last one."""
     events = axis.whole.events
     started: dict[object, Event] = {}
     running: dict[object, tuple[int, Event]] = {}
@@ -214,6 +214,11 @@ class _Limits(NamedTuple):
     acts: Flags
     """The axis is homed, and the limits are active."""
 
+    @property
+    def near(self) -> Numbers:
+        """What a position may differ from a limit by rounding."""
+        return 1e-6 * (self.high - self.low)
+
 
 def _limits(axis: AxisView) -> _Limits | None:
     if not axis.has("position_setpoint", "status_word") or not axis.off("Modulo.Enable") or axis.restarted:
@@ -233,7 +238,7 @@ def _limit_bits(axis: AxisView) -> Judged | None:
     if limits is None:
         return None
     setpoint = axis["position_setpoint"]
-    near = 1e-6 * (limits.high - limits.low)
+    near = limits.near
     reach = axis.ratio + 1
     below, above = axis.bit(15), axis.bit(16)
     wrong = (below & ~spread(setpoint <= limits.low + near, reach, reach)) | (
@@ -268,7 +273,7 @@ def _limit_passed(axis: AxisView) -> Judged | None:
     if limits is None:
         return None
     setpoint = axis["position_setpoint"]
-    near = 1e-6 * (limits.high - limits.low)
+    near = limits.near
     out = (setpoint > limits.high + near) | (setpoint < limits.low - near)
     passed = out & ~np.concatenate(([True], out[:-1]))
     events = axis.whole.events
