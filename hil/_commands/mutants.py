@@ -31,7 +31,7 @@ from hil.mutants import (
     shares,
     store,
 )
-from hil.mutants._results import TABLE_FILE
+from hil.mutants._results import TABLE_FILE, seen_by
 from reports import render_html, write_junit
 
 JUDGES: Final = ("campaigns", "fuzz", "tests", "marks")
@@ -93,7 +93,8 @@ class _Progress:
         if first is not None:
             text += f": {first.judge.name} {first.verdict} ({result.seconds:.2f} s)"
         elif result.status == "survived":
-            text += f": none of {len(result.outcomes)} cases notices it"
+            plain = result.as_dict()
+            text += f": none of {plain['cases_run']} cases notices it; {seen_by(plain)}"
         self._console.print(text, style=_STYLE.get(result.status, "bold red"), markup=False)
         if result.error:
             self._console.print(f"    {result.error}", style="dim", markup=False)

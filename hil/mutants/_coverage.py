@@ -46,6 +46,8 @@ class Covered:
     seconds: float
     marks: Mapping[str, bytes]
     """Marks that it passes, by module, eight to a byte; modules that it does not come to are left out."""
+    trace: str = ""
+    """Digest of its trace; empty: it has none."""
 
     def comes_to(self, places: Iterable[Place]) -> bool:
         """Return whether it comes to one of these places."""
@@ -132,7 +134,7 @@ class Coverage:
         if any(source_digest(name) != digest for name, (digest, _) in modules.items()):
             return None
         marks = {name: bytes.fromhex(bits) for name, (_, bits) in modules.items()}
-        return Covered(record["verdict"], record["seconds"], marks)
+        return Covered(record["verdict"], record["seconds"], marks, record.get("trace", ""))
 
     def keep(self, judge: Judge, seed: int, scope: AbstractSet[str], found: Covered) -> None:
         """Keep what is known of a case."""
@@ -146,6 +148,7 @@ class Coverage:
             "scope": sorted(scope),
             "verdict": found.verdict,
             "seconds": round(found.seconds, 3),
+            "trace": found.trace,
             "modules": base64.b64encode(zlib.compress(json.dumps(modules).encode())).decode(),
         }
         self._known[key] = record

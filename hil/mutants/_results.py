@@ -41,7 +41,9 @@ def markdown(seeding: Seeding) -> str:
         mutant = result.mutant
         red = result.caught_by
         by = ", ".join(f"`{outcome.judge.name}`" for outcome in red) or _cell(
-            mutant.explained or result.error
+            mutant.explained
+            or result.error
+            or ("" if result.status != "survived" else seen_by(result.as_dict()))
         )
         how = red[0].verdict if red else ""
         lines.append(
@@ -63,6 +65,16 @@ def catalogue_table(mutants: Iterable[Mutant], area: str) -> list[str]:
     return lines
 
 
+def seen_by(plain: Mapping[str, object]) -> str:
+    """Return whether a survivor, as plain data, changes a trace, and that of which cases."""
+    cases = plain["changed_trace_of"]
+    assert isinstance(cases, list)
+    if not cases:
+        return "all traces stay as they are: no case brings out a difference, or there is none"
+    more = f" and {len(cases) - 3} more" if len(cases) > 3 else ""
+    return f"it changes the trace of {', '.join(cases[:3])}{more}: an expectation is missing"
+
+
 @dataclass(frozen=True)
 class Share:
     """How many of some drawn defects were noticed."""
@@ -74,13 +86,17 @@ class Share:
     """Without those that no case can notice."""
     named: int
     """Noticed ones where the failed check names a requirement."""
+    seen: int
+    """Survivors that change the trace of a case: the stimulus is there, an expectation is missing."""
 
     @property
     def line(self) -> str:
         """The share as a line of text."""
         percent = 100.0 * self.noticed / self.judged if self.judged else 100.0
-        named = f"; {self.named} by a check that names a requirement" if self.noticed else ""
-        return f"{self.what:22} {self.noticed:4} of {self.judged:4} noticed  {percent:5.1f} %{named}"
+        text = f"{self.what:22} {self.noticed:4} of {self.judged:4} noticed  {percent:5.1f} %"
+        if self.noticed:
+            text += f"; {self.named} by a check that names a requirement"
+        return text + (f"; {self.seen} survivors change a trace" if self.seen else "")
 
 
 def shares(seeding: Seeding) -> list[Share]:
@@ -102,7 +118,8 @@ def _share(what: str, results: Sequence[MutantResult]) -> Share:
     entries = [result.as_dict() for result in results]
     judged = [entry for entry in entries if entry["status"] not in {"explained", "error"}]
     noticed = [entry for entry in judged if entry["status"] == "caught"]
-    return Share(what, len(noticed), len(judged), sum(bool(entry["broken"]) for entry in noticed))
+    seen = sum(bool(entry["changed_trace_of"]) for entry in judged if entry["status"] == "survived")
+    return Share(what, len(noticed), len(judged), sum(bool(entry["broken"]) for entry in noticed), seen)
 
 
 _VERDICT: Final = {
@@ -149,7 +166,7 @@ def _case(result: MutantResult, seed: int) -> CaseResult:
         identifier=f"defects/{mutant.area}/{mutant.name}",
         title=mutant.title,
         verdict=_VERDICT.get(result.status, Verdict.ERROR),
-        message=_message(result, int(str(plain["cases_run"]))),
+        message=_message(result, plain),
         group=f"defects/{mutant.area}",
         tags=[mutant.area, result.status],
         seed=seed,
@@ -159,11 +176,11 @@ def _case(result: MutantResult, seed: int) -> CaseResult:
     )
 
 
-def _message(result: MutantResult, cases: int) -> str:
+def _message(result: MutantResult, plain: Mapping[str, object]) -> str:
     return {
         "caught": "",
         "explained": result.mutant.explained,
-        "survived": f"none of {cases} cases that reach it notices it: an expectation is missing",
+        "survived": f"none of {plain['cases_run']} cases that reach it notices it; {seen_by(plain)}",
         "never ran": "no case comes to the changed statement",
     }.get(result.status, result.error)
 
@@ -171,7 +188,9 @@ def _message(result: MutantResult, cases: int) -> str:
 JSON_FILE: Final = "mutants.json"
 TABLE_FILE: Final = "mutants.md"
 _GOOD: Final = frozenset({"caught", "explained"})
-_NEEDED: Final = frozenset({"changes", "status", "caught_by", "how", "message", "seconds", "broken"})
+_NEEDED: Final = frozenset(
+    {"changes", "status", "caught_by", "how", "message", "seconds", "broken", "changed_trace_of"}
+)
 
 
 def store(seeding: Seeding, directory: Path) -> None:

@@ -71,6 +71,8 @@ class MutantResult:
     """Cases known to come to the changed statement."""
     error: str = ""
     """Why it could not be judged."""
+    changed: list[str] = field(default_factory=list)
+    """Names of the cases that did not notice it although it changed their trace."""
     over: bool = False
     """Whether it is judged for good: no more cases are tried."""
     earlier: Mapping[str, Any] | None = None
@@ -139,6 +141,7 @@ class MutantResult:
             "seconds": round(self.seconds, 3),
             "cases_run": len(self.outcomes),
             "cases_reaching_it": self.able,
+            "changed_trace_of": list(self.changed),
             "explained": self.mutant.explained,
             "operator": self.mutant.operator,
             "broken": [] if first is None else list(first.requirements),
@@ -338,8 +341,9 @@ class Seeder:
                 new.append(judge)
             else:
                 self._passed[judge] = self._numbers.of(known)
+                reached = self._reached_by(known)
                 seeding.baseline[judge] = Outcome(
-                    judge, known.verdict, "", known.seconds, self._reached_by(known)
+                    judge, known.verdict, "", known.seconds, reached, trace=known.trace
                 )
         self._run_without_defect(new, share)
         seeding.baseline_seconds += time.perf_counter() - started
@@ -362,7 +366,7 @@ class Seeder:
             if finished.error:
                 raise CannotRunError(finished.error)
             for outcome in finished.outcomes:
-                found = Covered(outcome.verdict, outcome.seconds, outcome.marks)
+                found = Covered(outcome.verdict, outcome.seconds, outcome.marks, outcome.trace)
                 self._passed[outcome.judge] = self._numbers.of(found)
                 self._measured.add(outcome.judge)
                 seeding.measured = len(self._measured)
@@ -448,6 +452,12 @@ class Seeder:
         result = self._done[mutant.name]
         result.outcomes += finished.outcomes
         result.error = finished.error
+        baseline = self._seeding.baseline
+        result.changed += [
+            one.judge.name
+            for one in finished.outcomes
+            if not one.catches and one.trace != baseline[one.judge].trace != ""
+        ]
         for outcome in finished.outcomes:
             if outcome.catches and mutant.name not in outcome.reached:
                 result.error = (

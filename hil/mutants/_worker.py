@@ -44,6 +44,8 @@ class Outcome:
     """Marks of the product that it passed, by module, eight to a byte; of a case without a defect."""
     requirements: tuple[str, ...] = ()
     """Identifiers that the failed checks name; none: it was noticed by accident."""
+    trace: str = ""
+    """Digest of its trace; empty: it has none."""
 
     @property
     def catches(self) -> bool:
@@ -149,6 +151,7 @@ def _judge(task: Task, judge: Judge, limit_s: float) -> Outcome:
         seconds=time.perf_counter() - started,
         reached=frozenset(),
         requirements=_broken(result),
+        trace=result.trace_digest,
     )
 
 

@@ -260,6 +260,21 @@ def test_an_explained_survivor_is_no_failure(capsys, green):
     assert entry["explained"]
 
 
+def test_a_survivor_that_changes_a_trace_lacks_an_expectation(capsys, green, tmp_path):
+    """Of a survivor it is said whether the trace of a case differs from that without the defect, also when
+    the latter was measured by an earlier run.
+    """
+    arguments = ["--catalogue", f"{TOY}:SURVIVORS", "--campaign", green, "--json", "--report", "rep"]
+    for _ in range(2):
+        code, out, err = call(capsys, *arguments)
+        changed = {entry["name"]: entry["changed_trace_of"] for entry in json.loads(out)}
+        assert (code, changed) == (1, {"survives": [], "shown": [f"toy-product/slope@{toy.BENCH}"]})
+        assert "shown: none of 1 cases notices it; it changes the trace of toy-product/slope" in err
+        assert "survives: none of 1 cases notices it; all traces stay as they are" in err
+    table = (tmp_path / "rep" / "mutants.md").read_text()
+    assert "it changes the trace of toy-product/slope" in table
+
+
 @pytest.mark.exhaustive
 def test_all_goes_on_after_the_first_catch(capsys, green):
     """With --all every case that can notice a defect is run, also behind one that killed its process."""

@@ -164,9 +164,11 @@ def test_shares_count_what_a_named_requirement_noticed():
             first, [Outcome(judge, "failed", "", 0.1, found, requirements=("LIM-001",))], able=1, over=True
         ),
         MutantResult(second, [Outcome(judge, "error", "", 0.1, found)], able=1, over=True),
-        MutantResult(third, [Outcome(judge, "passed", "", 0.1, found)], able=1, over=True),
+        MutantResult(
+            third, [Outcome(judge, "passed", "", 0.1, found)], able=1, changed=["limits/a"], over=True
+        ),
     ]
     same = Mutant("e", "motion", "", third.edits, explained="equal", operator="border")
     results.append(MutantResult(same, [Outcome(judge, "passed", "", 0.1, found)], able=1, over=True))
     row = shares(Seeding(results))[0]
-    assert (row.what, row.noticed, row.judged, row.named) == ("all", 2, 3, 1)
+    assert (row.what, row.noticed, row.judged, row.named, row.seen) == ("all", 2, 3, 1, 1)

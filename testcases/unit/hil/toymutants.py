@@ -66,6 +66,11 @@ def scaled(factor):
 twice = scaled(2)
 
 
+def hour():
+    """Return minutes."""
+    return 60
+
+
 def never_called():
     """Do what no case asks for."""
     return 1
@@ -84,6 +89,7 @@ def brake(ctx):
 def slope(ctx):
     """A deceleration is right."""
     ctx.measure("slope", Brake.slope(4.0, 2.0), low=2.0, high=2.0)
+    ctx.run_for(hour() / 1000.0)
 
 
 @CAMPAIGN.case("count")
@@ -125,6 +131,7 @@ PROPERTY = mutant("property", "Brake.holds", "return self.closed", "return not s
 CLOSURE = mutant("closure", "twice", "value * factor", "value + factor")
 RAISES = mutant("raises", "count", "done += 1", "done += missing")
 SURVIVES = mutant("survives", "Brake.open", '("open",)', '("opened",)')
+SHOWN = mutant("shown", "hour", "60", "61")
 EXPLAINED = mutant(
     "explained", "Brake.open", '("open",)', '("opens",)', explained="what is logged is nobody's business"
 )
@@ -136,6 +143,7 @@ CHANGED = mutant("changed", "count", "done += 7", "done += 8")
 
 MUTANTS = [CAUGHT, STAYS_CLOSED, BRANCH, PROPERTY, CLOSURE, RAISES]
 FATES = [CAUGHT, SURVIVES, EXPLAINED, HANGS, DEAF, CRASHES, UNREACHED]
+SURVIVORS = [SURVIVES, SHOWN]
 FEW = [CAUGHT, STAYS_CLOSED, SURVIVES]
 CHANGED_ONES = [CHANGED]
 NO_LIST = CAUGHT
