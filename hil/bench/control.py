@@ -386,8 +386,10 @@ class ControlSystem:
         own = self._config.encoders_of_axis(name)
         if axis.has_position:
             drive = self._config.axis[name].drive
-            first = own is None or (len(own) > 0 and own[0] == drive)
-            constants["encoder_of_drive"] = drive != "" and first
+            first = own[0] if own else ""
+            # Number of the encoder in the telegram of the drive; 0: it has a device of its own.
+            number = 1 if own is None or first == drive else 2 if first == second_of(drive) else 0
+            constants["encoder_of_drive"] = number if drive else 0
             # The actual values of a virtual axis are one cycle older than those of a drive (CFG-151).
             constants["delay_s"] = axis.delay_s + (axis.servo.cycle_s if axis.servo.virtual else 0.0)
             constants["limits_at_drive"] = drive != "" and self._config.inputs_of_axis(name) is None

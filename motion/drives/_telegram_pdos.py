@@ -16,6 +16,9 @@ WORDS_PER_PDO: Final = 4
 class TelegramPdos:
     """Puts the actual values together that a node sends behind a SYNC.
 
+    Parts of different SYNCs never make one telegram: a position of 32 bits may have its halves in two PDOs,
+    and on a busy bus the last PDO comes after the controller has read.
+
     Args:
         master: Its TPDOs 1 and following are subscribed.
         node_id: CANopen node, 1..127.
@@ -31,6 +34,9 @@ class TelegramPdos:
         ]
         self._all_seen = (1 << len(self._parts)) - 1
         self._seen = 0
+        self._sync = 0
+        self._whole: bytes | None = None
+        self._master = master
         for number in range(len(self._parts)):
             master.subscribe(0x180 + 0x100 * number + node_id, self._receiver(number), apart=True)
 
@@ -41,13 +47,15 @@ class TelegramPdos:
     def forget(self) -> None:
         """Wait for all of them again."""
         self._seen = 0
+        self._whole = None
 
     def take(self) -> bytes | None:
-        """Return the telegram when all its PDOs have come since it was taken last, otherwise None."""
-        if self._seen != self._all_seen:
+        """Return the last telegram of which all PDOs have come behind one SYNC; None: it was taken before."""
+        whole = self._whole
+        if whole is None:
             return None
-        self._seen = 0
-        return self._to_telegram.pack(*self._from_wire.unpack(b"".join(self._parts)))
+        self._whole = None
+        return self._to_telegram.pack(*self._from_wire.unpack(whole))
 
     def _receiver(self, number: int) -> Callable[[bytes, int], None]:
         parts = self._parts
@@ -55,8 +63,15 @@ class TelegramPdos:
         bit = 1 << number
 
         def receive(data: bytes, _time_ns: int) -> None:
-            if len(data) == size:
-                parts[number] = data
-                self._seen |= bit
+            if len(data) != size:
+                return
+            sync = self._master.sync_count
+            if sync != self._sync:
+                self._sync = sync
+                self._seen = 0
+            parts[number] = data
+            self._seen |= bit
+            if self._seen == self._all_seen:
+                self._whole = b"".join(parts)
 
         return receive

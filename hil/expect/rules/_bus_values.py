@@ -312,10 +312,12 @@ SPEED_GIVEN: Final = Rule(
 def _speed_taken(axis: AxisView) -> Judged | None:
     drive = axis.drive
     found = None if drive is None else _sent_speed(drive)
-    if drive is None or found is None or not axis.has("actual_speed", "communication_ok"):
+    if drive is None or drive.data is None or found is None:
+        return None
+    if not axis.has("actual_speed", "communication_ok"):
         return None
     sent, step = found
-    value, known = sent.latest(axis.time_s)
+    value, known = drive.data.when_whole(sent).latest(axis.time_s)
     shown = axis["actual_speed"]
     linked = last_true((axis["communication_ok"] != 0) & known & ~axis.simulated, 1)
     return Judged(
@@ -330,7 +332,7 @@ SPEED_TAKEN: Final = Rule(
     name="actual speed",
     says="the actual speed of the axis is the one that its own drive has sent last",
     requirements=("CFG-336", "C402-206"),
-    tolerance="rounding",
+    tolerance="rounding; a telegram in several PDOs counts from the last one on",
     judge=_speed_taken,
     excused_by=("telegram.", "frame.", "can.", "controller.", "drive.emcy_storm"),
     recovery_cycles=3,

@@ -176,6 +176,21 @@ class ProcessData:
             self._found[name] = self._object(name) if self._words is None else self._signal(name)
         return self._found[name]
 
+    def when_whole(self, sent: Series) -> Series:
+        """Return an actual value of a telegram at the times at which the last PDO of the telegram had come.
+
+        The controller takes a telegram as a whole; that of a CiA 402 drive is no telegram.
+        """
+        if self._words is None or not len(sent.time_s):
+            return sent
+        total = self._words["actual.words"]
+        last = self._word(_FROM_DRIVE, total - 1, total)
+        if last is None:
+            return sent
+        at = np.searchsorted(last[0], sent.time_s - 1e-9)
+        known = at < len(last[0])
+        return Series(last[0][at[known]], sent.values[known])
+
     def _object(self, name: str) -> Series | None:
         place = _CIA402.get(name)
         if place is None:
@@ -220,10 +235,13 @@ class ProcessData:
             kind = "<i2" if signal in _SIGNED else "<u2"
             return Series(first[0], first[1].view(kind).astype(np.float64))
         second = self._word(base, words[name] + 1, total)
-        if second is None or len(second[0]) != len(first[0]):
+        if second is None:
             return None
-        both = first[1].astype(np.uint32) << 16 | second[1]
-        return Series(second[0], both.view(np.int32).astype(np.float64))
+        # The halves may be in two PDOs, and a recording may begin between them.
+        at = np.searchsorted(first[0], second[0], side="right") - 1
+        paired = at >= 0
+        both = first[1][at[paired]].astype(np.uint32) << 16 | second[1][paired]
+        return Series(second[0][paired], both.view(np.int32).astype(np.float64))
 
 
 _DOUBLE: Final = frozenset(

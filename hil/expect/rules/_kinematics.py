@@ -294,12 +294,13 @@ SETPOINT_AT_ENABLING: Final = Rule(
 
 def _increment(axis: AxisView) -> float | None:
     """Return the way of a raw increment by the numbers of the bench, signed; None where the encoder is not
-    that of the motor.
+    a rotary one of the drive, on motor or load.
     """
     number = axis.number
-    if axis.whole.numbers.get(f"{axis.name}.encoder_of_drive") != 1.0:
+    mounting = number("Sensor[1].MountingMode")
+    if not axis.whole.numbers.get(f"{axis.name}.encoder_of_drive"):
         return None
-    if number("Sensor[1].MountingMode") != 0 or number("Sensor[1].System") != 1:
+    if mounting not in (0, 1) or number("Sensor[1].System") != 1:
         return None
     names = (
         "Sensor[1].Parameter.StepsPerRevolution",
@@ -313,7 +314,8 @@ def _increment(axis: AxisView) -> float | None:
     if len(known) < len(names) or way is None:
         return None
     steps, fine, motor, load, inverse = known
-    size: float = way * (load or 1.0) / (motor or 1.0) / (steps * 2.0**fine)
+    ratio = 1.0 if mounting else (load or 1.0) / (motor or 1.0)
+    size: float = way * ratio / (steps * 2.0**fine)
     return -size if inverse else size
 
 
@@ -322,19 +324,21 @@ def _way_per_revolution(axis: AxisView) -> float | None:
     kind = axis.number("Properties.MotionType")
     if kind == 0:
         return axis.number("Mechanics.LeadScrew")
-    return 360.0 if kind == 1 and axis.unit("actual_position") in ("°", "deg") else None
+    turn = {"°": 360.0, "deg": 360.0, "rad": 2.0 * np.pi}
+    return turn.get(axis.unit("actual_position")) if kind == 1 else None
 
 
 def _own_encoder(axis: AxisView) -> Judged | None:
     if not axis.has("actual_position", "communication_ok", "state"):
         return None
     increment, drive = _increment(axis), axis.drive
-    if increment is None or drive is None or drive.number("cia402") is None or drive.data is None:
+    if increment is None or drive is None or drive.data is None:
         return None
-    counts = drive.data["position"]
+    encoder = int(axis.whole.numbers[f"{axis.name}.encoder_of_drive"])
+    counts = drive.data["position" if drive.number("cia402") is not None else f"actual.G{encoder}_XIST1"]
     if counts is None or _other_encoder(axis) or not axis.off("Sensor[1].Backlash.Enable"):
         return None
-    count, known = counts.latest(axis.time_s)
+    count, known = drive.data.when_whole(counts).latest(axis.time_s)
     step = (differences(count) + 2.0**31) % 2.0**32 - 2.0**31
     s = axis["actual_position"]
     moved = differences(s)
