@@ -9,18 +9,15 @@ from __future__ import annotations
 
 import contextlib
 import gc
-import json
 import os
-import selectors
-import signal
 import time
-import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, NoReturn, TypedDict, cast
+from typing import TYPE_CHECKING, NoReturn
 
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import HilError
+from hil.envelope._copies import Copies, Job, Row
 from hil.envelope._measures import (
     Range,
     display_factor,
@@ -32,6 +29,7 @@ from hil.envelope._measures import (
 from hil.envelope._rest import RestWatch
 from hil.errors import CannotRunError
 from hil.expect import run_checkers
+from hil.record import Carrier
 from reports.model import Verdict
 
 if TYPE_CHECKING:
@@ -39,28 +37,7 @@ if TYPE_CHECKING:
     from hil.envelope._motion import Motion
     from hil.envelope._stimulus import Stimulus
     from hil.protocols import BenchFile
-    from hil.record import Trace
-
-Job = tuple[int, int]
-"""Cycle of the motion and number of the stimulus."""
-
-
-class Row(TypedDict):
-    """What a copy found."""
-
-    cycle: int
-    stimulus: int
-    """Its number."""
-    reaction: str
-    error: str
-    broken: list[str]
-    measures: dict[str, dict[str, float]]
-    rest: dict[str, float]
-    digest: str
-
-
-WALL_LIMIT_S: Final = 60
-"""Time that a copy may take by the wall clock, s."""
+    from hil.record import CarriedRecording, Trace
 
 
 class _TimeIsOver(BaseException):
@@ -238,39 +215,45 @@ class Branching:
         if not wanted:
             return
         last = max(wanted)
-        copies = _Copies(processes, on_row)
         with self._bench_file.build(seed=self._seed) as bench:
             self._before(bench)
+            drives = drives_of(bench)
+
+            def judge(job: Job, problem: str, recording: CarriedRecording) -> Row:
+                return self._row(recording.trace(), drives, job, course, problem)
+
+            copies = Copies(processes, judge, on_row)
+            carrier = Carrier(bench.recorder)
             at = 0
 
             def branch() -> None:
                 nonlocal at
                 if copies.child is not None:
                     return
+                if at in wanted:
+                    carrier.pack()
                 for number in wanted.get(at, ()):
                     if until is not None and time.monotonic() >= until:
                         raise _TimeIsOver
                     if copies.fork((at, number)):
-                        self._go_on(bench, copies, (at, number), course)
+                        self._go_on(bench, copies, (at, number), carrier)
                         return
                 at += 1
                 if at > last:
                     raise _TimeIsOver
 
-            if self._rules:
-                # What the rules compute once and keep is there for every copy.
-                run_checkers(bench.trace())
             # Fewer pages are copied when the collector leaves what is there alone.
             gc.collect()
             gc.freeze()
             bench.on_cycle(branch)
             try:
                 self._run_motion(bench, copies)
+                copies.wait()
             finally:
                 gc.unfreeze()
-                copies.wait()
+                copies.stop()
 
-    def _run_motion(self, bench: Bench, copies: _Copies) -> None:
+    def _run_motion(self, bench: Bench, copies: Copies) -> None:
         """Run the motion; in a copy it ends the process."""
         problem = ""
         try:
@@ -281,17 +264,17 @@ class Branching:
                 bench.run_for((self._watch_ns + seconds_to_ns(1.0)) * 1e-9)
         except _TimeIsOver:
             pass
-        except Exception as error:
+        except BaseException as error:
             if copies.child is None:
                 raise
             problem = f"{type(error).__name__}: {error}"
         if copies.child is not None:
             copies.child.end(problem)
 
-    def _go_on(self, bench: Bench, copies: _Copies, job: Job, course: Course) -> None:
+    def _go_on(self, bench: Bench, copies: Copies, job: Job, carrier: Carrier) -> None:
         """Apply the stimulus in the copy, and let the copy end after its time."""
         assert copies.child is not None
-        copies.child.row = lambda problem: self._row(bench, job, course, problem)[0]
+        copies.child.recording = lambda: carrier.recording(bench.scheduler.now, bench.vocabulary)
         try:
             self._disturb(bench, job)
         except HilError as error:
@@ -325,11 +308,10 @@ class Branching:
 
         bench.on_cycle(watch)
 
-    def _row(self, bench: Bench, job: Job, course: Course, problem: str) -> tuple[Row, Trace]:
-        trace = bench.trace()
+    def _row(self, trace: Trace, drives: Mapping[str, str], job: Job, course: Course, problem: str) -> Row:
+        """Return what a trace tells of its branch; `drives`: of every axis whose machine is emulated."""
         cycle, number = job
         at_s = course.time_s(cycle)
-        drives = drives_of(bench)
         broken = []
         if self._rules:
             broken = [check for check in run_checkers(trace) if check.verdict is Verdict.FAILED]
@@ -338,7 +320,7 @@ class Branching:
             axis: measure(trace, drive, at_s, course.ranges[axis], watched_s)
             for axis, drive in drives.items()
         }
-        row: Row = {
+        return {
             "cycle": cycle,
             "stimulus": number,
             "reaction": problem or reaction_class(trace, list(drives), at_s, broken),
@@ -348,7 +330,6 @@ class Branching:
             "rest": {axis: place for axis, (_, place) in found.items()},
             "digest": trace.digest(),
         }
-        return row, trace
 
     # -- one branch alone
 
@@ -360,8 +341,8 @@ class Branching:
                 self.disturbed(bench, job)
             except Exception as error:  # noqa: BLE001 - as in a copy
                 problem = f"{type(error).__name__}: {error}"
-            row, trace = self._row(bench, job, course, problem)
-            return Witness(trace, row)
+            trace = bench.trace()
+            return Witness(trace, self._row(trace, drives_of(bench), job, course, problem))
 
     def disturbed(self, bench: Bench, job: Job) -> None:
         """Run one branch on a bench that was just built: what a copy does from the start of the motion on.
@@ -385,98 +366,6 @@ class Branching:
             with contextlib.suppress(HilError, AssertionError):
                 self._motion.body(bench)
             bench.run_for((self._watch_ns + seconds_to_ns(1.0)) * 1e-9)
-
-
-class _Child:
-    """This process, if it is a copy."""
-
-    def __init__(self, pipe: int, job: Job) -> None:
-        self._pipe = pipe
-        self._job = job
-        self.row: Callable[[str], Row] = lambda problem: _failed(job, problem)
-
-    def end(self, problem: str) -> NoReturn:
-        """Hand the row over and end the process."""
-        try:
-            row = self.row(problem)
-        except Exception as error:  # noqa: BLE001 - a row of the result, too
-            row = _failed(self._job, f"{type(error).__name__}: {error}")
-        with os.fdopen(self._pipe, "wb") as out:
-            out.write(json.dumps(row, sort_keys=True, separators=(",", ":")).encode())
-        os._exit(0)
-
-
-class _Copies:
-    """The copies that run."""
-
-    def __init__(self, most: int, on_row: Callable[[Row], object]) -> None:
-        self._most = most
-        self._on_row = on_row
-        self._running: dict[int, tuple[int, Job, bytearray]] = {}
-        self._selector = selectors.DefaultSelector()
-        self.child: _Child | None = None
-        """This process as a copy; None in the first process."""
-
-    def fork(self, job: Job) -> bool:
-        """Make a copy as soon as there is room; returns whether this is the copy."""
-        while len(self._running) >= self._most:
-            self._collect()
-        ours, theirs = os.pipe()
-        with warnings.catch_warnings():
-            # Python warns of threads, which a virtual bench does not have; those of a test runner sleep.
-            warnings.simplefilter("ignore", DeprecationWarning)
-            process = os.fork()
-        if process == 0:
-            signal.signal(signal.SIGINT, signal.SIG_DFL)
-            signal.signal(signal.SIGALRM, signal.SIG_DFL)
-            signal.alarm(WALL_LIMIT_S)
-            os.close(ours)
-            for running in self._running:
-                os.close(running)
-            silent = os.open(os.devnull, os.O_RDWR)
-            for stream in (0, 1, 2):
-                os.dup2(silent, stream)
-            self.child = _Child(theirs, job)
-            return True
-        os.close(theirs)
-        self._running[ours] = (process, job, bytearray())
-        self._selector.register(ours, selectors.EVENT_READ)
-        return False
-
-    def wait(self) -> None:
-        """Wait for all copies."""
-        if self.child is None:
-            while self._running:
-                self._collect()
-
-    def _collect(self) -> None:
-        for key, _ in self._selector.select():
-            pipe = int(key.fd)
-            process, job, content = self._running[pipe]
-            part = os.read(pipe, 65_536)
-            if part:
-                content += part
-                continue
-            self._selector.unregister(pipe)
-            os.close(pipe)
-            del self._running[pipe]
-            code = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
-            self._on_row(_read_row(content, job, code))
-
-
-def _read_row(content: bytearray, job: Job, code: int) -> Row:
-    if code == 0 and content:
-        return cast("Row", json.loads(content))
-    if code == -signal.SIGALRM:
-        return _failed(job, f"the copy took more than {WALL_LIMIT_S} s")
-    return _failed(job, f"the copy ended with exit code {code}")
-
-
-def _failed(job: Job, problem: str) -> Row:
-    return {
-        "cycle": job[0], "stimulus": job[1], "reaction": problem, "error": problem, "broken": [],
-        "measures": {}, "rest": {}, "digest": "",
-    }  # fmt: skip
 
 
 def drives_of(bench: Bench) -> dict[str, str]:

@@ -10,7 +10,8 @@ from typing import Final
 from hil._workers import Answer
 from hil.campaign._cluster import on_cluster, process_of_thread
 from hil.campaign._worker import bench_of
-from hil.envelope._branching import WALL_LIMIT_S, Branching, Course, Job, Row
+from hil.envelope._branching import Branching, Course
+from hil.envelope._copies import WALL_LIMIT_S, Job, Row
 from hil.envelope._motion import Reference, motion_from
 from hil.envelope._stimulus import Stimulus
 from hil.errors import CannotRunError

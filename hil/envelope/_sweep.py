@@ -13,7 +13,8 @@ from fieldbus.errors import ConfigurationError, UnknownNameError
 from hil._workers import number_of_processes
 from hil.campaign import load_bench_file
 from hil.envelope._adaptive import Grid
-from hil.envelope._branching import Branching, Course, Job, Row, Witness
+from hil.envelope._branching import Branching, Course, Witness
+from hil.envelope._copies import Job, Row
 from hil.envelope._motion import Body, Motion, motion_of
 from hil.envelope._parts import Part, run_on_cluster
 from hil.envelope._result import Branch, Envelope

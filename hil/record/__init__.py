@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import fieldbus  # noqa: F401 - puts the compiled core in place, if there is one
+from hil.record._carried import CarriedRecording, Carrier
 from hil.record._compare import Difference, first_difference
 from hil.record._frames import BusFrame, PackedFrames
 from hil.record._homing import homing_drawings
@@ -31,6 +32,8 @@ __all__ = [
     "MEMORY_MB",
     "STORE_EVERY_NS",
     "BusFrame",
+    "CarriedRecording",
+    "Carrier",
     "Difference",
     "Direction",
     "EventSelector",

@@ -408,6 +408,16 @@ class Recorder:
             known = ", ".join(self._buses) or "none"
             raise RecordingError(f"no bus {bus!r} is recorded; recorded are: {known}") from None
 
+    @property
+    def buses(self) -> tuple[str, ...]:
+        """Names of the recorded buses."""
+        return tuple(self._buses)
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """Facts of the bench that judges of the trace need, by name; those of `set_constant`."""
+        return self._constants
+
     def set_constant(self, name: str, value: float) -> None:
         """Note a fact of the bench (`axis1.max_deceleration`) that a judge of the trace needs."""
         self._constants[name] = float(value)

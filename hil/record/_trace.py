@@ -21,7 +21,7 @@ from fieldbus.can.frame import CanFrame
 from fieldbus.growing_log import GrowingLog, LogPart
 from fieldbus.history import Event, Scalar
 from hil.errors import NotRecordedError, RecordingError
-from hil.record._frames import BusFrame, Entry, FrameLog, PackedFrames
+from hil.record._frames import BusFrame, Entry, FrameColumns, FrameLog, PackedFrames, canonical_frames
 from hil.record._select import EventSelector, kind_matches
 from hil.record._signal import Signal
 from hil.record._spool import new_array
@@ -458,6 +458,9 @@ class Trace:
 
     def _canonical_frames(self) -> Iterator[bytes]:
         """Return the bytes of all frames of all buses, by time, as of `TraceFrame.canonical`."""
+        packed = self._packed_columns()
+        if packed is not None:
+            return iter((canonical_frames(packed),))
         logs = [
             _can_log(bus, log)
             if protocol_of(log) == "can"
@@ -465,6 +468,16 @@ class Trace:
             for bus, log in self._raw_frames.items()
         ]
         return (content for _time_ns, content in self._by_time(logs))
+
+    def _packed_columns(self) -> list[tuple[str, FrameColumns]] | None:
+        """Return the frames of all buses as columns; None: they are not packed, or too many for one piece."""
+        found: list[tuple[str, FrameColumns]] = []
+        for bus, log in self._raw_frames.items():
+            columns = log.columns() if isinstance(log, PackedFrames) and len(log) <= _PART else None
+            if columns is None:
+                return None
+            found.append((bus, columns))
+        return found or None
 
     def iter_frames(self) -> Iterator[TraceFrame]:
         """Return all frames of all buses, by time, one after the other: those of a long recording do not have

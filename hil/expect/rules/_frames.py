@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldbus.can.frame import CanFrame
+from hil.record import PackedFrames
 from hil.record._spool import Spool
 
 if TYPE_CHECKING:
@@ -80,6 +81,10 @@ class BusFrames:
     def _of_bus(self, bus: str) -> dict[int, Frames]:
         found = self._buses.get(bus)
         if found is None:
+            packed = self._packed(bus)
+            if packed is not None:
+                self._buses[bus] = packed
+                return packed
             collected: defaultdict[int, _Collected] = defaultdict(_Collected)
             errors = Spool()
             log = iter(self._trace.raw_frames(bus))
@@ -95,6 +100,31 @@ class BusFrames:
                 errors.write(wrong.tobytes())
             self._errors[bus] = errors.view(np.float64)
             found = self._buses[bus] = {can_id: one.frames() for can_id, one in collected.items()}
+        return found
+
+    def _packed(self, bus: str) -> dict[int, Frames] | None:
+        """Return the frames of a log that is packed, without making them; None: it is not, or it is long."""
+        log = self._trace.raw_frames(bus)
+        columns = log.columns() if isinstance(log, PackedFrames) and len(log) <= _PART else None
+        if columns is None:
+            return None
+        wrong = columns.wrong
+        time_s = columns.time_ns.astype(np.float64) * 1e-9
+        self._errors[bus] = time_s[wrong]
+        at = np.flatnonzero(columns.is_base_data & ~wrong)
+        can_id = columns.can_id[at]
+        # By identifier, those of one in their order.
+        order = np.argsort(can_id, kind="stable")
+        at, can_id = at[order], can_id[order]
+        firsts = np.flatnonzero(np.diff(can_id, prepend=-1))
+        lengths, data = columns.lengths, columns.data
+        found: dict[int, Frames] = {}
+        for first, last in zip(firsts, [*firsts[1:], len(at)], strict=True):
+            some = at[first:last]
+            size = lengths[some]
+            found[int(can_id[first])] = Frames(
+                time_s[some], size, data[some][np.arange(data.shape[1]) < size[:, None]]
+            )
         return found
 
     def behind_errors(self, bus: str, times: NDArray[np.float64], span_s: float) -> NDArray[np.bool_] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import pickle
 import resource
 import tempfile
 from pathlib import Path
@@ -16,8 +17,9 @@ from fieldbus.history import History
 from hil import Injector, load_bench
 from hil.bench.bench import Bench
 from hil.errors import RecordingError
+from hil.expect import run_checkers
 from hil.expect.rules import judge
-from hil.record import Recorder, Trace, first_difference
+from hil.record import CarriedRecording, Carrier, Recorder, Trace, first_difference
 from hil.record._recorder import ROWS_PER_CHUNK
 from reports.model import Verdict
 
@@ -95,6 +97,45 @@ def test_trace_is_the_same_on_disk(subtests, tmp_path):
             part, whole = (one.window(0.35, 0.9).digest() for one in (stored, held))
             assert part == whole
             assert Trace.load(stored.save(tmp_path / name)[0]).digest() == held.digest()
+
+
+def test_trace_is_the_same_after_a_journey(subtests):
+    """A recording that was packed in two parts and pickled has signals, events, frames, digest and checks of
+    the trace that the bench itself gives: with frames in error, remote frames, 29 bits and CAN FD, too.
+    """
+    for name, config in BENCHES.items():
+        with subtests.test(name), Bench(config(), seed=3) as bench:
+            carrier = Carrier(bench.recorder)
+            axes = [bench.axis(one) for one in bench.axis_names]
+            powers = [axis.power() for axis in axes]
+            bench.run_for(0.2)
+            carrier.pack()
+            assert all(power.Status for power in powers)
+            if bench.network_names:
+                segment = bench.segment(bench.segment_names[0])
+                port = segment.attach("visitor", lambda frame, time_ns: None)
+                for frame in (
+                    CanFrame(0x1234567, b"ab", extended=True),
+                    CanFrame(0x701, remote=True, dlc=8),
+                    CanFrame(0x7A1),
+                ):
+                    port.send(frame)
+                bench.run_for(0.01)
+                Injector(bench).inject("can.no_ack", target=bench.segment_names[0], duration_s=0.01)
+            jobs = [axis.move_relative(1.0) for axis in axes]
+            bench.run_for(0.5)
+            assert all(job.Done or job.Error for job in jobs)
+            content = pickle.dumps(carrier.recording(bench.scheduler.now, bench.vocabulary))
+            recording: CarriedRecording = pickle.loads(content)
+            ours, theirs = bench.trace(), recording.trace()
+            assert theirs.digest() == ours.digest()
+            assert first_difference(ours, theirs) is None
+            assert list(theirs.iter_frames()) == list(ours.frames)
+            assert run_checkers(theirs) == run_checkers(ours)
+            assert theirs.constants == ours.constants
+            if bench.network_names:
+                seen = {(frame.extended, frame.remote, bool(frame.error)) for frame in theirs.frames}
+                assert seen >= {(True, False, False), (False, True, False), (False, False, True)}
 
 
 @pytest.fixture
