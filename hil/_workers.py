@@ -31,6 +31,7 @@ from multiprocessing.context import ForkServerContext, SpawnContext
 from typing import Final, Generic, Literal, Protocol, Self, TypeVar
 
 from hil._interrupt import held
+from hil._processor_time import processor_time_s
 from hil.errors import CannotRunError, HilError
 from reports.processors import processors
 
@@ -38,6 +39,11 @@ _LONGEST_WAIT_S: Final = 3600.0
 """Waits are made of such pieces: the system limits the length of one."""
 _END_S: Final = 5.0
 """Time that a process has to end by itself once it is not needed any more."""
+_PROCESS: Final = "the process that ran this case"
+_MOVES_S: Final = 0.05
+"""Processor time that a process has to use to be seen to move, s."""
+_LOOK_AGAIN_S: Final = 0.2
+"""Least time after which the processor time of a process is looked at again, s."""
 
 
 class Task(Protocol):
@@ -52,7 +58,10 @@ class Task(Protocol):
         """
 
     def patience(self, answers: int) -> float:
-        """Return the wall time for the next answer, or for the end, after so many answers, s."""
+        """Return the time for the next answer, or for the end, after so many answers, s.
+
+        It is wall time, unless the pool counts processor time.
+        """
 
 
 TaskT = TypeVar("TaskT", bound=Task)
@@ -104,15 +113,21 @@ class Worker:
 
     Args:
         connection: To `serve` in the process.
+        pid: Number of the process.
         kill: Ends the process at once.
         wait: Waits for its end, at most so long, s; returns the exit code, None: it has not ended.
 
     """
 
     def __init__(
-        self, connection: Connection, kill: Callable[[], None], wait: Callable[[float], int | None]
+        self,
+        connection: Connection,
+        pid: int,
+        kill: Callable[[], None],
+        wait: Callable[[float], int | None],
     ) -> None:
         self.connection = connection
+        self.pid = pid
         self._kill = kill
         self._wait = wait
 
@@ -133,9 +148,9 @@ class Worker:
         code = self._wait(_END_S)
         self.kill()
         if code is None:
-            return "the process that ran this case answers no more"
+            return f"{_PROCESS} answers no more"
         how = f"signal {-code}" if code < 0 else f"exit code {code}"
-        return f"the process that ran this case died: {how}"
+        return f"{_PROCESS} died: {how}"
 
 
 def start_interpreter() -> Worker:
@@ -155,7 +170,7 @@ def start_interpreter() -> Worker:
             return process.wait(timeout_s)
         return None
 
-    return Worker(Connection(ours.detach()), process.kill, end)
+    return Worker(Connection(ours.detach()), process.pid, process.kill, end)
 
 
 class CopyStarter:
@@ -187,7 +202,8 @@ class CopyStarter:
             code: int | None = process.exitcode
             return code
 
-        return Worker(ours, process.kill, end)
+        assert process.pid is not None  # it has been started
+        return Worker(ours, process.pid, process.kill, end)
 
 
 @dataclass
@@ -196,10 +212,37 @@ class _Running(Generic[TaskT]):
     task: TaskT
     answers: int = 0
     due_s: float = 0.0
+    used_s: float | None = None
+    """Processor time when the answer before was given, s; None: wall time counts."""
+    seen_s: float = 0.0
+    """Processor time when the process was last seen to move, s."""
+    moved_s: float = 0.0
+    """When that was."""
 
-    def wait_for_next(self) -> None:
-        # Wall time of a process of the machine; nothing in a bench is controlled by it.
-        self.due_s = time.monotonic() + self.task.patience(self.answers)
+    def wait_for_next(self, *, processor_time: bool) -> None:
+        # Times of a process of the machine; nothing in a bench is controlled by them.
+        now_s = time.monotonic()
+        self.due_s, self.moved_s = now_s + self.task.patience(self.answers), now_s
+        if processor_time:
+            self.used_s = processor_time_s(self.worker.pid)
+            self.seen_s = self.used_s or 0.0
+
+    def too_late(self, standstill_s: float) -> str:
+        """Return why the process has to be ended, now that it is due; empty: it gets more time."""
+        patience_s = self.task.patience(self.answers)
+        used_s = None if self.used_s is None else processor_time_s(self.worker.pid)
+        if self.used_s is None or used_s is None:
+            return f"{_PROCESS} did not answer for {patience_s:g} s and was ended"
+        now_s = time.monotonic()
+        if used_s - self.seen_s >= _MOVES_S:
+            self.seen_s, self.moved_s = used_s, now_s
+        rest_s, still_s = patience_s - (used_s - self.used_s), standstill_s - (now_s - self.moved_s)
+        if rest_s <= 0.0:
+            return f"{_PROCESS} did not answer for {patience_s:g} s of processor time and was ended"
+        if still_s <= 0.0:
+            return f"{_PROCESS} stood still for {standstill_s:g} s and was ended"
+        self.due_s = now_s + max(min(rest_s, still_s), _LOOK_AGAIN_S)
+        return ""
 
 
 class Pool(Generic[TaskT, AnswerT]):
@@ -209,6 +252,9 @@ class Pool(Generic[TaskT, AnswerT]):
         jobs: How many.
         start: Starts a process.
         reuse: Whether a process gets further tasks after its first.
+        standstill_s: 0: the patience of a task is wall time. Else it is processor time, which a busy machine
+            does not use up, and a process that uses none for so much wall time is ended, too. Where the
+            system does not tell the processor time of a process, it is wall time.
         on_give: Told of every task that a process gets.
 
     """
@@ -219,11 +265,13 @@ class Pool(Generic[TaskT, AnswerT]):
         start: Callable[[], Worker] = start_interpreter,
         *,
         reuse: bool = True,
+        standstill_s: float = 0.0,
         on_give: Callable[[TaskT], object] | None = None,
     ) -> None:
         self._jobs = jobs
         self._start = start
         self._reuse = reuse
+        self._standstill_s = standstill_s
         self._on_give = on_give
         self._waiting: deque[TaskT] = deque()
         self._idle: list[Worker] = []
@@ -271,7 +319,7 @@ class Pool(Generic[TaskT, AnswerT]):
             with contextlib.suppress(OSError):  # it has died already, as the next message will say
                 worker.connection.send(task)
         one = _Running(worker, task)
-        one.wait_for_next()
+        one.wait_for_next(processor_time=self._standstill_s > 0.0)
         if self._on_give is not None:
             self._on_give(task)
         return one
@@ -292,7 +340,7 @@ class Pool(Generic[TaskT, AnswerT]):
                 continue
             if not isinstance(message, _Over):
                 one.answers += 1
-                one.wait_for_next()
+                one.wait_for_next(processor_time=self._standstill_s > 0.0)
                 yield Answer(one.task, message)
                 continue
             del running[connection]
@@ -303,15 +351,10 @@ class Pool(Generic[TaskT, AnswerT]):
             yield Ended(one.task, "failed" if message.error else "done", message.error)
         now = time.monotonic()
         for late, one in list(running.items()):
-            if one.due_s <= now:
+            if one.due_s <= now and (reason := one.too_late(self._standstill_s)):
                 del running[late]
                 one.worker.kill()
-                patience = f"{one.task.patience(one.answers):g} s"
-                yield Ended(
-                    one.task,
-                    "hung",
-                    f"the process that ran this case did not answer for {patience} and was ended",
-                )
+                yield Ended(one.task, "hung", reason)
 
 
 # -- in the process

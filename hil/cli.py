@@ -934,7 +934,7 @@ def mutants(
     limit: Annotated[
         float,
         typer.Option(
-            "--limit", metavar="S", min=0.0, help="Wall time of a case; 0: from the time it takes without."
+            "--limit", metavar="S", min=0.0, help="Processor time of a case; 0: from what it takes without."
         ),
     ] = 0.0,
     mechanical: Annotated[

@@ -1,4 +1,4 @@
-"""Time limits of a case, in bench time and in wall time."""
+"""Time limits of a case, in bench time, wall time and processor time."""
 
 from __future__ import annotations
 
@@ -44,6 +44,21 @@ def limit_wall(seconds: float) -> Iterator[None]:
     no `except Exception` takes. Works in the main thread of a POSIX system, which is where cases
     run; elsewhere there is no limit.
     """
+    with _limit(seconds, "wall time", "SIGALRM", "ITIMER_REAL"):
+        yield
+
+
+@contextmanager
+def limit_processor(seconds: float) -> Iterator[None]:
+    """Do the same once this process has used `seconds` of processor time, however long that takes on a loaded
+    machine. Time that it waits does not count.
+    """
+    with _limit(seconds, "processor time", "SIGPROF", "ITIMER_PROF"):
+        yield
+
+
+@contextmanager
+def _limit(seconds: float, what: str, signal_name: str, timer_name: str) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield
         return
@@ -52,16 +67,18 @@ def limit_wall(seconds: float) -> Iterator[None]:
 
     def expire(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - signature of a signal handler
         nonlocal reported
-        text = f"{USED_UP} of {seconds:g} s of wall time"
+        text = f"{USED_UP} of {seconds:g} s of {what}"
         if reported:
             raise CaseEndedError(f"{text}, and did not end when it was asked to")
         reported = True
         raise CaseTimeoutError(text)
 
-    old_handler = signal.signal(signal.SIGALRM, expire)
-    signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN_S)
+    # These names exist only where the system has such timers.
+    number, timer = getattr(signal, signal_name), getattr(signal, timer_name)
+    old_handler = signal.signal(number, expire)
+    signal.setitimer(timer, seconds, AGAIN_S)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, old_handler)
+        signal.setitimer(timer, 0.0)
+        signal.signal(number, old_handler)

@@ -22,10 +22,12 @@ from hil.mutants._plan import Judge, hinted, in_order, in_turn, modules_of, most
 from hil.mutants._worker import Finished, Outcome, Task, run_tasks
 
 BASELINE_LIMIT_S: Final = 300.0
-"""Limit of wall time of a case without defect, s."""
+"""Limit of processor time of a case without defect, s."""
 LIMIT_FACTOR: Final = 20.0
 LEAST_LIMIT_S: Final = 20.0
 """A case with a defect may take so many times the time it takes without one, and at least this long, s."""
+STANDSTILL_S: Final = 60.0
+"""A process that uses no processor time for so much wall time hangs, s."""
 _CHUNK: Final = 24
 """Cases of the baseline that one process runs."""
 _BEST: Final = 3
@@ -47,7 +49,7 @@ class SeedingOptions:
     every_case: bool = False
     """Run every case that can notice a defect, not only until the first that does."""
     limit_s: float = 0.0
-    """Limit of wall time of a case, s; 0: from the time that it takes without a defect."""
+    """Limit of processor time of a case, s; 0: from the time that it takes without a defect."""
     budget_s: float = 0.0
     """Wall time after which nothing further begins, s; at most half of it goes into cases without a defect.
     0: no limit."""
@@ -91,7 +93,7 @@ class MutantResult:
 
     @property
     def seconds(self) -> float:
-        """Wall time of the cases up to the first that caught it, or of all, s."""
+        """Processor time of the cases up to the first that caught it, or of all, s."""
         if self.earlier is not None:
             return float(self.earlier["seconds"])
         total = 0.0
@@ -244,7 +246,9 @@ class Seeder:
         self._on_baseline = on_baseline
         self._on_result = on_result
         start = CopyStarter(["hil.mutants._preload", *modules_of(judges)])
-        self._pool = Pool[Task, Outcome | None](number_of_processes(options.jobs), start, reuse=False)
+        self._pool = Pool[Task, Outcome | None](
+            number_of_processes(options.jobs), start, reuse=False, standstill_s=STANDSTILL_S
+        )
         self._seeding = Seeding(seed=options.seed, judged_by=digest_of(judges))
         self._done: dict[str, MutantResult] = {result.mutant.name: result for result in earlier}
         self._reported = len(self._done)

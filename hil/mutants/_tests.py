@@ -99,8 +99,8 @@ def run_test_file(
         requirements: What the changed code says that it is for; None: there is no change.
 
     Returns:
-        Verdict, message, wall time in s, and what the failed test claims. Without a change a file that is not
-        green is blocked: it judges nothing.
+        Verdict, message, processor time in s, and what the failed test claims. Without a change a file that
+        is not green is blocked: it judges nothing.
 
     """
     import pytest
@@ -108,10 +108,10 @@ def run_test_file(
     claims = judge.campaign.startswith(CLAIMS) and requirements is not None
     watcher = _Watcher(frozenset(requirements or ()) if claims else None)
     arguments = [judge.identifier, "-x", "-q", "-m", _ELSEWHERE, "-p", "no:cacheprovider", "-p", "no:xdist"]
-    started = time.perf_counter()
+    started = time.process_time()
     with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
         code = pytest.main([*arguments, "--override-ini=addopts=", "--tb=short"], plugins=[watcher])
-    seconds = time.perf_counter() - started
+    seconds = time.process_time() - started
     if code in {0, _NONE_SELECTED}:
         return "passed", "", seconds, ()
     verdict = "blocked" if requirements is None else "failed" if code == 1 else "error"

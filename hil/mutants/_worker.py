@@ -12,8 +12,9 @@ from typing import Final
 
 from hil._workers import Answer, Pool
 from hil.campaign import CaseSettings, case_seed, execute_case, load_campaign
-from hil.campaign._limits import USED_UP
+from hil.campaign._limits import USED_UP, limit_processor
 from hil.campaign._worker import bench_of
+from hil.errors import CaseEndedError, CaseTimeoutError
 from hil.mutants._marks import Marks, packed
 from hil.mutants._mutant import Mutant
 from hil.mutants._patch import Patch
@@ -22,9 +23,10 @@ from hil.mutants._tests import is_test_file, run_test_file
 from reports.model import CaseResult, Verdict
 
 START_LIMIT_S: Final = 120.0
-"""Wall time within which a process has to be ready for its first case, s."""
+"""Processor time within which a process has to be ready for its first case, s."""
 RESERVE_S: Final = 5.0
-"""Time that a case gets beyond its limit to end itself, before its process is killed, s."""
+"""Processor time that a case gets beyond its limit to end itself, before its process is killed, s."""
+_NO_LIMIT_S: Final = 1e7
 MEMORY_LIMIT: Final = 6 << 30
 """Address space of a worker, bytes: a defect that allocates without end shall not take the machine along."""
 
@@ -38,6 +40,7 @@ class Outcome:
     """`passed`, `failed`, `blocked`, `error`, `hung` or `crashed`."""
     message: str
     seconds: float
+    """Processor time, s."""
     reached: frozenset[str]
     """Names of the mutants whose changed statement was reached."""
     marks: Mapping[str, bytes] = field(default_factory=dict)
@@ -74,8 +77,8 @@ class Task:
     """Its code; without a defect: that of the product with marks."""
     stop_at_first: bool = True
     limits_s: tuple[float, ...] = ()
-    """Limit of wall time of each case, s; the case ends itself at it, and the parent ends the process a
-    little later.
+    """Limit of processor time of each case, s; the case ends itself at it, and the parent ends the process a
+    little later. A process that stands still is ended, too.
     """
 
     def run(self, send: Callable[[Outcome | None], None]) -> None:
@@ -111,7 +114,7 @@ class Task:
             send(replace(outcome, marks=found))
 
     def patience(self, answers: int) -> float:
-        """Return the time for the start of the process, then for each case, s."""
+        """Return the processor time for the start of the process, then for each case, s."""
         index = answers - 1
         limit_s = self.limits_s[index] if 0 <= index < len(self.limits_s) else START_LIMIT_S
         return limit_s + RESERVE_S
@@ -132,23 +135,28 @@ def _judge(task: Task, judge: Judge, limit_s: float) -> Outcome:
         changed = None if task.mutant is None else task.mutant.requirements
         verdict, message, seconds, broken = run_test_file(judge, changed)
         return Outcome(judge, verdict, message, seconds, frozenset(), requirements=broken)
-    started = time.perf_counter()
+    started = time.process_time()
     try:
-        case = replace(load_campaign(judge.campaign)[judge.identifier], wall_limit_s=limit_s)
+        # A machine that is busy with other things makes no case slow: the limit is processor time.
+        case = replace(load_campaign(judge.campaign)[judge.identifier], wall_limit_s=_NO_LIMIT_S)
         bench = bench_of(judge.bench)
     except Exception as error:  # without the defect both could be loaded
         if task.mutant is None:
             raise
         text = f"{type(error).__name__}: {error}"
-        return Outcome(judge, "crashed", text, time.perf_counter() - started, frozenset())
+        return Outcome(judge, "crashed", text, time.process_time() - started, frozenset())
     settings = CaseSettings(seed=case_seed(task.seed, judge.identifier))
-    result = execute_case(case, bench, settings).result
+    try:
+        with limit_processor(limit_s):
+            result = execute_case(case, bench, settings).result
+    except (CaseTimeoutError, CaseEndedError) as error:  # while the result was being written down
+        return Outcome(judge, "hung", str(error), time.process_time() - started, frozenset())
     hung = result.verdict is Verdict.ERROR and result.message.startswith(USED_UP)
     return Outcome(
         judge=judge,
         verdict="hung" if hung else result.verdict.value,
         message=result.message,
-        seconds=time.perf_counter() - started,
+        seconds=time.process_time() - started,
         reached=frozenset(),
         requirements=_broken(result),
         trace=result.trace_digest,

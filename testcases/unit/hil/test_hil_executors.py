@@ -7,10 +7,11 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
-from hil._workers import Answer, CopyStarter, Pool, start_interpreter
+from hil._workers import Answer, CopyStarter, Ended, Pool, start_interpreter
 from hil.campaign import Runner, RunOptions, _limits, find_campaigns, select_cases
 from hil.campaign import _runner as runner_module
 from hil.campaign._executor import InProcess, LocalProcesses
@@ -236,6 +237,30 @@ def test_a_task_gives_answers_and_one_end(start):
         [("failed", "it cannot be done")],
         ["b", ("done", "")],
     ]
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="only Linux tells the time of a process")
+def test_patience_can_be_processor_time():
+    """Then a process that has to wait for the machine is given time, one that works too long or stands still
+    is not.
+    """
+    waits = toytasks.Worked(wait_s=1.0, work_s=0.1, patience_s=0.4)
+    works = toytasks.Worked(wait_s=0.0, work_s=30.0, patience_s=0.4)
+    stands = toytasks.Worked(wait_s=30.0, work_s=0.0, patience_s=0.4)
+    start = CopyStarter([toytasks.__name__])
+
+    def ends(standstill_s, *tasks):
+        with Pool(2, start, standstill_s=standstill_s) as pool:
+            events = [event for event in pool.run(tasks) if isinstance(event, Ended)]
+        return {event.task: (event.how, event.reason) for event in events}
+
+    said = "the process that ran this case"
+    assert ends(20.0, waits, works) == {
+        waits: ("done", ""),
+        works: ("hung", f"{said} did not answer for 0.4 s of processor time and was ended"),
+    }
+    assert ends(0.5, stands) == {stands: ("hung", f"{said} stood still for 0.5 s and was ended")}
+    assert ends(0.0, waits) == {waits: ("hung", f"{said} did not answer for 0.4 s and was ended")}
 
 
 def test_processes_are_used_again_or_not():

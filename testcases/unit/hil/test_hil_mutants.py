@@ -215,10 +215,11 @@ def test_statements_that_no_case_comes_to(capsys, green):
 
 
 @pytest.mark.exhaustive
-def test_fates_of_defects(capsys, green):
+def test_fates_of_defects(capsys, green, monkeypatch):
     """Survivors and defects that never run make it 1; what hangs, is deaf to its limit, or kills its process
     is caught.
     """
+    monkeypatch.setattr("hil.mutants._worker.RESERVE_S", 0.5)
     code, out, err = call(
         capsys,
         "--catalogue",
@@ -229,7 +230,7 @@ def test_fates_of_defects(capsys, green):
         2,
         "--json",
         "--limit",
-        3,
+        1,
         "--report",
         "rep",
     )

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from dataclasses import dataclass
 
 from hil.errors import HilError
@@ -33,6 +34,27 @@ class Patient(Sleeper):
 
     def patience(self, answers):
         return 60.0
+
+
+@dataclass(frozen=True)
+class Worked:
+    """A task of less processor time than wall time, or the other way round."""
+
+    wait_s: float
+    """How long it waits before it begins, s."""
+    work_s: float
+    """Processor time that it then uses, s."""
+    patience_s: float
+
+    def run(self, send):
+        time.sleep(self.wait_s)
+        until_s = time.process_time() + self.work_s
+        while time.process_time() < until_s:
+            pass
+        send("worked")
+
+    def patience(self, answers):
+        return self.patience_s
 
 
 @dataclass(frozen=True)
