@@ -172,7 +172,7 @@ def fuzz_pairs(
             programs = programs[part[0] - 1 :: part[1]]
         with CaseProgress(len(programs), "pairs of faults") as progress:
             for count, program in enumerate(programs, 1):
-                outcome = run_program(program, bench_file, seed=seed)
+                outcome = run_program(program, bench_file, seed=seed, evidence=False)
                 skipped += bool(outcome.skipped)
                 if outcome.violation is not None and len(failures) < MOST_FAILURES:
                     outcome.as_case()

@@ -386,7 +386,9 @@ class _Attempt:
         invariants: InvariantFactory,
         count: Callable[[FuzzOutcome | None], None],
     ) -> None:
-        self._run = functools.partial(run_program, bench_file=bench_file, seed=seed, invariants=invariants)
+        self._run = functools.partial(
+            run_program, bench_file=bench_file, seed=seed, invariants=invariants, evidence=False
+        )
         self._count = count
         self._found = _Found()
 
