@@ -33,6 +33,8 @@ EVENT_KINDS: Final = MappingProxyType(
         "axis.sensor": "another encoder controls the position",
         "axis.setpoint_step": "an external setpoint of an NC axis steps further than its maximum velocity",
         "axis.state": "the axis changes its state",
+        "axis.torque_limit": "MC_TorqueLimiting gives another torque limit at the motor, or takes it back",
+        "axis.torque_range": "MC_TorqueRange gives other torque limits at the motor, or takes them back",
         "axis.wired": "an axis of the bench has got its drive",
         "can.bus_error": "a node has found an error on the wire",
         "can.given_up": "a frame is not sent again",

@@ -261,6 +261,8 @@ class EncoderFeedback(Feedback):
         """
         if not modulo.enabled:
             return 0, self.position
+        if self._fresh:  # the offset of an absolute encoder says nothing before its first value
+            return modulo.exact_place(Fraction(self.position))
         exact = Fraction(self._offset) + (self._count - self._base) * self.scale.exact_increment
         return modulo.exact_place(exact + Fraction(self.compensation))
 

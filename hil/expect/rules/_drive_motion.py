@@ -194,4 +194,54 @@ STOP_OF_DRIVE: Final = Rule(
     recovery_s=1.0,
 )
 
-DRIVE_RULES: Final[tuple[Rule[DriveView], ...]] = (MECHANICS, GEAR, ENCODER, STOP_OF_DRIVE)
+_LIMIT_CYCLES: Final = 4
+"""Cycles until a torque limit of the axis acts in the drive: on its way, latched, and taken over."""
+
+
+def _torque_limits(drive: DriveView) -> Judged | None:
+    axis, reference = drive.axis, drive.number("reference_torque_nm")
+    if axis is None or not reference or not drive.has("torque", "state") or axis.restarted:
+        return None
+    changes = drive.whole.events.of(axis.name, "axis.torque_limit", "axis.torque_range")
+    if not changes or axis.simulated.any():
+        return None
+    count = len(drive.time_s)
+    upper, lower = np.full(count, np.inf), np.full(count, -np.inf)
+    sign = -1.0 if axis.number("Actor.InverseDirection") else 1.0
+    for entry in changes:
+        data, first = entry.data, drive.index_of(entry.time_ns)
+        high, low = np.inf, -np.inf
+        if data.get("active"):
+            limit = float(data.get("limit") or 0.0)
+            # A drive has no limit beyond zero: it could not stand still.
+            high = max(float(data.get("upper") or limit), 0.0)
+            low = min(float(data.get("lower") or -limit), 0.0)
+        if sign < 0.0 and entry.kind == "axis.torque_range":
+            high, low = -low, -high
+        upper[first:], lower[first:] = high, low
+    torque = drive["torque"]
+    steady = (differences(np.nan_to_num(upper, posinf=0.0)) == 0.0) & (
+        differences(np.nan_to_num(lower, neginf=0.0)) == 0.0
+    )
+    judged = np.isfinite(upper) & drive.in_states("operation_enabled", "s4_operation")
+    judged = last_true(judged & steady, _LIMIT_CYCLES)
+    slack = 0.002 * reference
+    return Judged(
+        drive.time_s,
+        judged,
+        judged & ((torque > 1.01 * upper + slack) | (torque < 1.01 * lower - slack)),
+        lambda at: f"{torque[at]:.5g} Nm, the axis limits it to {lower[at]:.5g}..{upper[at]:.5g} Nm",
+    )
+
+
+TORQUE_LIMITS: Final = Rule(
+    name="torque limits",
+    says="the torque of the motor stays within the limits of MC_TorqueLimiting and MC_TorqueRange",
+    requirements=("STP-183", "STP-188", "MC-528"),
+    tolerance="1 %, 0.2 % of the reference torque, four cycles after a change",
+    judge=_torque_limits,
+    excused_by=("drive.", "safety.", "frame.", "telegram.", "can.", "controller."),
+    recovery_cycles=6,
+)
+
+DRIVE_RULES: Final[tuple[Rule[DriveView], ...]] = (MECHANICS, GEAR, ENCODER, STOP_OF_DRIVE, TORQUE_LIMITS)

@@ -77,7 +77,7 @@ def _arrival(axis: AxisView) -> Judged | None:
     tolerance = axis.number("PositioningMonitoring.ToleranceTime")
     if not axis.has_position or not axis.has(*needed) or None in {window, dwell, tolerance}:
         return None
-    if not axis.off("Modulo.Enable") or axis.ratio != 1 or axis.restarted:
+    if axis.ratio != 1 or axis.restarted:
         return None
     monitoring = _Monitoring(window or 0.0, dwell or 0.0, tolerance or 0.0)
     elsewhere = _elsewhere(axis) | axis.gaps
@@ -162,12 +162,31 @@ ARRIVAL: Final = Rule(
 )
 
 
+_POSITIVE, _NEGATIVE, _SHORTEST = 1, 2, 3
+"""Direction of MC_MoveAbsolute on a modulo axis."""
+
+
+def _ways(direction: object, begins: Numbers, target: float, length: float) -> Numbers:
+    """Return the ways to a place in a modulo range, from each of some positions."""
+    ahead = (target - begins) % length
+    # A place that is reached but for rounding is no whole turn away.
+    ahead = np.where(np.minimum(ahead, length - ahead) < 1e-6 * length, 0.0, ahead)
+    behind = np.where(ahead > 0.0, ahead - length, 0.0)
+    if direction == _SHORTEST:
+        return np.where(ahead > 0.5 * length * (1.0 + 1e-6), behind, ahead)
+    return behind if direction == _NEGATIVE else ahead
+
+
 def _target(axis: AxisView) -> Judged | None:
-    if not axis.has("position_setpoint", "status_word") or not axis.off("Modulo.Enable") or axis.restarted:
+    if not axis.has("position_setpoint", "status_word") or axis.restarted:
         return None
+    modulo = axis.number("Modulo.Enable")
+    if modulo is None and not axis.off("Modulo.Enable"):
+        return None
+    length = (axis.number("Modulo.Length") or 0.0) if modulo else 0.0
     elsewhere = _elsewhere(axis)
     setpoint = axis["position_setpoint"]
-    scale = max(float(np.abs(setpoint).max(initial=0.0)), 1e-9)
+    scale = max(float(np.abs(setpoint).max(initial=0.0)), length, 1e-9)
     found: list[tuple[float, str]] = []
     for span in _spans(axis):
         asked, end = span.begun.data, span.end
@@ -178,12 +197,22 @@ def _target(axis: AxisView) -> Judged | None:
         if elsewhere[max(span.first - 1, 0) : behind + 1].any():
             continue
         reached = float(setpoint[behind])
+        begins = setpoint[max(span.first - 1, 0) : span.first + axis.ratio + 1]
+        if instruction == "MC_MoveAbsolute" and "direction" in asked:
+            if not length:
+                continue
+            target = float(asked["position"] or 0.0)
+            ways = begins + _ways(asked["direction"], begins, target, length)
+            # In motion it is one of these positions that decides.
+            wrong = float(np.abs(ways - reached).min()) > 1e-6 * scale
+            text = f"{instruction} to {target:.6g} from {begins[-1]:.6g} is done at {reached:.6g}"
+            found.append((axis.time_s[behind], text if wrong else ""))
+            continue
         if instruction == "MC_MoveAbsolute" and "position" in asked:
             begins = np.zeros(1)
             way = float(asked["position"] or 0.0)
         elif instruction == "MC_MoveRelative" and "distance" in asked:
             # In motion the position at which the job takes over is that of one of these samples.
-            begins = setpoint[max(span.first - 1, 0) : span.first + axis.ratio + 1]
             way = float(asked["distance"] or 0.0)
         else:
             continue
@@ -198,9 +227,53 @@ def _target(axis: AxisView) -> Judged | None:
 TARGET: Final = Rule(
     name="target of positioning",
     says="a positioning ends where it was to go",
-    requirements=("MC-249", "MC-256", "MC-277", "MC-284"),
+    requirements=("MC-249", "MC-255", "MC-256", "MC-277", "MC-284"),
     tolerance="rounding",
     judge=_target,
+    excused_by=("controller.",),
+    recovery_cycles=3,
+)
+
+
+_MODULO: Final = (
+    ("position_setpoint", "modulo_position", "modulo_cycle"),
+    ("actual_position", "actual_modulo_position", "actual_modulo_cycle"),
+)
+"""Columns: a position that grows without end, its place in the range, and its cycle."""
+
+
+def _modulo_range(axis: AxisView) -> Judged | None:
+    if not axis.has("modulo_position", "modulo_cycle", "actual_modulo_position", "actual_modulo_cycle"):
+        return None
+    enabled, length, start = (
+        axis.number_over_time(f"Modulo.{name}") for name in ("Enable", "Length", "StartValue")
+    )
+    if enabled is None or length is None or start is None:
+        return None
+    judged = (enabled != 0.0) & (length > 0.0) & ~spread(axis.in_states("restarting"), 1, 2)
+    broken = np.zeros(len(judged), dtype=bool)
+    for whole, place, cycle in _MODULO:
+        near = 1e-8 * length + 1e-12 * np.abs(axis[whole])
+        broken |= np.abs(axis[cycle] * length + axis[place] - axis[whole]) > near
+        broken |= (axis[place] < start - near) | (axis[place] >= start + length)
+        broken |= axis[cycle] != np.rint(axis[cycle])
+
+    def describe(at: int) -> str:
+        texts = [
+            f"{axis[whole][at]:.8g} is place {axis[place][at]:.8g} of cycle {axis[cycle][at]:g}"
+            for whole, place, cycle in _MODULO
+        ]
+        return f"setpoint {texts[0]}, actual position {texts[1]}"
+
+    return Judged(axis.time_s, judged, judged & broken, describe)
+
+
+MODULO_RANGE: Final = Rule(
+    name="modulo range",
+    says="setpoint and actual position are a place within the modulo range, and so many ranges below it",
+    requirements=("CFG-097", "CFG-098", "CFG-101"),
+    tolerance="rounding",
+    judge=_modulo_range,
     excused_by=("controller.",),
     recovery_cycles=3,
 )
@@ -358,4 +431,11 @@ HOMED: Final = Rule(
     recovery_s=1.0,
 )  # fmt: skip
 
-AXIS_RULES: Final[tuple[Rule[AxisView], ...]] = (ARRIVAL, TARGET, LIMIT_BITS, LIMIT_PASSED, HOMED)
+AXIS_RULES: Final[tuple[Rule[AxisView], ...]] = (
+    ARRIVAL,
+    TARGET,
+    MODULO_RANGE,
+    LIMIT_BITS,
+    LIMIT_PASSED,
+    HOMED,
+)

@@ -125,6 +125,15 @@ TRACE_COLUMNS: Final[tuple[tuple[str, str], ...]] = (
     ("additive_torque", "Nm"),
 )
 """Name and unit of every value, for an axis in mm with a standard motor."""
+MODULO_COLUMNS: Final[tuple[tuple[str, str], ...]] = (
+    ("modulo_position", "mm"),
+    ("modulo_cycle", ""),
+    ("actual_modulo_position", "mm"),
+    ("actual_modulo_cycle", ""),
+)
+"""The same of an axis that has a modulo range when the bench starts: the places of setpoint and actual
+position in it, and how often it lies below. The other positions of a trace grow without end.
+"""
 SYNCHRONOUS_COLUMNS: Final[tuple[tuple[str, str], ...]] = (
     ("leading_position", ""),
     ("leading_velocity", ""),
@@ -280,6 +289,8 @@ class TechnologyAxis(TechnologyObject):
         if problems:
             raise problems[0].error(problems[1:])
         self.torque = TorqueControl(
+            name,
+            history,
             store,
             servo=servo,
             states=states,
@@ -333,8 +344,13 @@ class TechnologyAxis(TechnologyObject):
                 leader_number=self._leader_number,
             )
         )
+        self._records_modulo = self.has_position and bool(store.read("Modulo.Enable"))
         if self.has_position:
-            self.trace_columns = _columns(store, self.trace_columns)
+            columns = self.trace_columns
+            if self._records_modulo:
+                own = len(TRACE_COLUMNS)
+                columns = (*columns[:own], *MODULO_COLUMNS, *columns[own:])
+            self.trace_columns = _columns(store, columns)
 
     def _preset(
         self,
@@ -1049,7 +1065,7 @@ class TechnologyAxis(TechnologyObject):
             difference = controller.control_difference
             permitted = position.monitoring.permitted_following_error(total.v)
             additive = self.torque.total_additive_nm
-        return (
+        row = (
             s,
             v,
             a,
@@ -1079,6 +1095,11 @@ class TechnologyAxis(TechnologyObject):
             permitted,
             additive,
         )
+        if not self._records_modulo:
+            return row
+        modulo = servo.modulo
+        actual_cycle, actual_place = servo.feedback.place(modulo)
+        return (*row, modulo.wrap(s), modulo.cycle(s), actual_place, actual_cycle)
 
     # -- what it shows
 

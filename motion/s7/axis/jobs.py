@@ -301,6 +301,8 @@ class Job:
             asked["distance"] = self.distance
         elif cls is JobClass.POSITIONING:
             asked["position"] = self.target
+            if self.direction:
+                asked["direction"] = self.direction
         return asked
 
     def activate(self) -> None:

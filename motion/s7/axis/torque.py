@@ -32,6 +32,7 @@ from motion.s7.axis.state import AxisState
 from motion.s7.units import millimetres
 
 if TYPE_CHECKING:
+    from fieldbus.history import History
     from motion.kernel.servo_axis import ServoAxis
     from motion.kernel.torque_limits import TorqueLimits
     from motion.kernel.torque_precontrol import TorquePrecontrol
@@ -72,6 +73,8 @@ class TorqueControl:
     """Torque functions of an axis. One object per axis; `step` runs once per application cycle.
 
     Args:
+        name: Name of the axis in the history.
+        history: Log for changes of limits, or None.
         store: Variables of the axis.
         servo: The axis in the kernel.
         states: State of the axis.
@@ -84,6 +87,8 @@ class TorqueControl:
 
     def __init__(
         self,
+        name: str,
+        history: History | None,
         store: VariableStore,
         *,
         servo: ServoAxis,
@@ -93,6 +98,8 @@ class TorqueControl:
         control_words: ControlWords,
         limits: TorqueLimits,
     ) -> None:
+        self._name = name
+        self._history = history
         self._store = store
         self._servo = servo
         self._states = states
@@ -216,10 +223,16 @@ class TorqueControl:
 
     def _send_range(self) -> None:
         reference = self._reference.value
-        if self.limits.range_nm is None or reference <= 0.0:
+        limits = self.limits.range_nm
+        if self._history is not None:
+            upper, lower = limits or (0.0, 0.0)
+            self._history.emit(
+                self._name, "axis.torque_range", active=limits is not None, upper=upper, lower=lower
+            )
+        if limits is None or reference <= 0.0:
             self._servo.port.set_torque_range(1.0, -1.0)
             return
-        upper, lower = self.limits.range_nm
+        upper, lower = limits
         if self._sign < 0.0:
             upper, lower = -lower, -upper
         self._servo.port.set_torque_range(upper / reference, lower / reference)
@@ -266,6 +279,7 @@ class TorqueControl:
         limit_nm = self._at_motor(limit) if self._servo.port.has_torque_reduction else None
         if limit_nm != self.limits.limit_nm:
             self.limits.limit_nm = limit_nm
+            self._note_limit()
             reference = self._reference.value
             if limit_nm is not None and reference > 0.0:
                 self._servo.port.limit_torque(min(1.0, limit_nm / reference))
@@ -281,11 +295,23 @@ class TorqueControl:
             return ERROR_CLAMPED
         if self.limits.limiting:
             self.limits.limiting = self.limits.detects = False
-            self.limits.limit_nm = None
+            if self.limits.limit_nm is not None:
+                self.limits.limit_nm = None
+                self._note_limit()
             if self._servo.port.has_torque_reduction:
                 self._servo.port.limit_torque(None)
             self._control_words.travel_to_fixed_stop(False)
         return NO_ERROR
+
+    def _note_limit(self) -> None:
+        limit = self.limits.limit_nm
+        if self._history is not None:
+            self._history.emit(
+                self._name,
+                "axis.torque_limit",
+                active=limit is not None,
+                limit=0.0 if limit is None else limit,
+            )
 
     def end_all(self) -> None:
         """Take every torque function back, also at a fixed stop: the controller leaves RUN."""

@@ -82,3 +82,37 @@ def test_the_encoder_says_how_it_is_mounted(bench, turns):
         assert machine.axis().var("ActualPosition") == pytest.approx(10.0 * turns)
     with pytest.raises(BenchFileError, match=r'mounting_increments: .* needs encoder = "absolute"'):
         file.configured({"drive": {"drive1": mounted}})
+
+
+@pytest.mark.requirement("CFG-098", "CFG-101")
+def test_no_place_in_the_range_before_the_first_value():
+    """Until an absolute encoder has brought a value, its offset makes no place: position and cycles are 0."""
+    bench = load_bench("reference").configured(
+        {
+            "drive": {"drive1": {"encoder": "absolute"}},
+            "axis": {
+                "axis1": {
+                    "variables": {
+                        "Modulo.Enable": True,
+                        "Modulo.Length": 360.0,
+                        "Sensor[1].Type": 1,
+                        "StatusSensor[1].AbsEncoderOffset": -123456.5,
+                    }
+                }
+            },
+        }
+    )
+    with bench.build(seed=0) as machine:
+        axis = machine.axis()
+        known = axis.var("ActualModuloCycle")
+        machine.controller.power_off()
+        machine.drive().power_off()
+        machine.run_for(0.1)
+        machine.controller.power_on()
+        machine.run_for(0.1)
+        assert axis.var("StatusSensor[1].State") != 2
+        shown = axis.var("ActualPosition"), axis.var("ActualModuloCycle")
+        trace = machine.trace()
+    assert known != 0
+    assert shown == (0.0, 0)
+    assert trace["axis1.actual_modulo_cycle"].values[-1] == 0.0

@@ -61,16 +61,25 @@ def _drive_around(bench: Bench) -> Trace:
 
 
 LIMITED: Final = {"axis": {"axis1": {"variables": {"PositionLimits_SW.Active": True}}}}
+MODULO: Final = {"axis": {"axis1": {"variables": {"Modulo.Enable": True, "Modulo.Length": 360.0}}}}
 BRAKE: Final = {"torque_nm": 5.0, "opening_time_ms": 30.0, "closing_time_ms": 30.0}
 
 
 @pytest.fixture(scope="module")
 def traces() -> Mapping[str, Trace]:
-    """A trace of a drive of either profile."""
+    """A trace of a drive of either profile, and one of a modulo axis whose torque is limited."""
     found = {}
     for name, brake in (("reference", {}), ("profidrive", {"drive": {"drive1": {"brake": BRAKE}}})):
         with load_bench(name).configured(brake | LIMITED).build(seed=3) as bench:
             found[name] = _drive_around(bench)
+    with load_bench("reference").configured(MODULO).build(seed=3) as bench:
+        axis = bench.axis()
+        bench.wait_until(axis.power().status, timeout=2.0)
+        bench.wait_until(axis.home(300.0).done, timeout=1.0)
+        bench.wait_until(axis.move_absolute(20.0, Direction=3, Velocity=300.0).done, timeout=2.0)
+        axis.torque_limiting(1.0)
+        bench.run_for(0.1)
+        found["modulo"] = bench.trace()
     return found
 
 
@@ -160,6 +169,7 @@ EDITS: Final[Mapping[str, _Edit]] = {
     "reactions of alarms": _Edit(event=_detail("alarm.raised", reaction=3)),
     "end of positioning": _Edit("axis1.actual_position", lambda values: values + 0.15),
     "target of positioning": _Edit("axis1.position_setpoint", _times(1.01)),
+    "modulo range": _Edit("axis1.modulo_cycle", lambda values: values + 1.0, bench="modulo"),
     "bits of software limits": _Edit("axis1.status_word", _bits(1 << 15)),
     "software limits": _Edit("axis1.position_setpoint", _beyond),
     "homed bit": _Edit("axis1.status_word", _bits(clear=1 << 5)),
@@ -190,6 +200,7 @@ EDITS: Final[Mapping[str, _Edit]] = {
     "error register": _Edit(event=_detail("emcy.raised", register=0x09)),
     "error code": _Edit("drive1.error_code", lambda values: 0x2310 - values),
     "EMCY": _Edit(event=_detail("emcy.raised", code=0x2320)),
+    "torque limits": _Edit("drive1.torque", lambda values: values + 100.0, bench="modulo"),
     "ramp of a stop of the drive": _Edit("drive1.velocity_demand", _times(1.05)),
     "reset of faults": _Edit("drive1.controlword", _bits(clear=1 << 7)),
     "faults of the drive": _Edit(event=_without_faults),
