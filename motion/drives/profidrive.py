@@ -258,6 +258,10 @@ class ProfidrivePort(LinkedPort):
 
     @override
     def probe_level(self, number: int) -> bool | None:
+        # A telegram shows it only while it measures; what it showed before says nothing.
+        searches = self._searches
+        if searches is None or not searches.current.busy:
+            return None
         return bool(self._probe_levels >> number - 1 & 1)
 
     @override

@@ -42,6 +42,10 @@ INACTIVE, WAITING, OCCURRED, FAILED = range(4)
 RISING, FALLING, BOTH, RISING_FIRST, FALLING_FIRST = range(5)
 """`Mode` of `MC_MeasuringInput`; of `MC_MeasuringInputCyclic` the first three."""
 _RISES, _FALLS = 0, 1
+LATENCY_CYCLES: Final = 8
+"""Cycles until an edge that a device has latched is known at the latest: by the handshake of the telegram.
+So long an edge at the end of the range may be on its way when the axis has left it.
+"""
 
 
 class MeasuredObject:
@@ -100,6 +104,8 @@ class Measurement:
         """How often they have been measured."""
         self.inside = False
         """The measured object has been within the range."""
+        self.outside = 0
+        """Cycles since it has left the range."""
         self.edge = _FALLS if mode in (FALLING, FALLING_FIRST) else _RISES
         """Edge that is waited for: 0 rising, 1 falling."""
 
@@ -319,7 +325,11 @@ class MeasuringInput:
         if measurement.window is not None and not measurement.cyclic:
             if measurement.permits(feedback.position, modulo):
                 measurement.inside = True
+                measurement.outside = 0
             elif measurement.inside:
+                measurement.outside += 1
+                if measurement.outside <= LATENCY_CYCLES:
+                    return
                 job = self._end(FAILED)
                 self.engine.raise_alarm(ALARM_RANGE)
                 if job is not None:
