@@ -63,8 +63,10 @@ class History:
         """
         event = Event(self._scheduler.now, source, kind, data)
         self._newest.append(event)
-        for entry in self._listeners:
-            entry.call(event)
+        if self._listeners:
+            self._scheduler.catch_up()  # a listener may look at anything
+            for entry in self._listeners:
+                entry.call(event)
 
     def listen(self, listener: Callable[[Event], None]) -> Callable[[], None]:
         """Call `listener` with every event from now on; returns the function

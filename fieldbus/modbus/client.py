@@ -126,6 +126,7 @@ class QueuedClient:
             raise ModbusError(f"{_LONGEST_QUEUE} requests are waiting already")
         job = Job(request, unit, done)
         self._queue.append(job)
+        self._scheduler.catch_up()  # a hook of the line may look at anything
         self._go_on()
         return job
 

@@ -130,7 +130,7 @@ class Bench:
             self._keep_garbage(stack)
             self._segments = Segments(config, self.scheduler, self.history)
             stack.callback(self._segments.close)
-            self._segments.record_frames(self.recorder, self.runtime.after_cycle)
+            self._segments.record_frames(self.recorder, self.runtime.records)
             self._devices = self._find_devices(stack)
             stack.callback(self._segments.leave)
             self._note_numbers()
@@ -151,7 +151,7 @@ class Bench:
             if self._control.nc is not None:
                 stack.callback(self._control.nc.stop)
             self._segments.record_requests(self.recorder, self.runtime.after_cycle)
-            self.runtime.after_cycle.append(self._after_cycle)
+            self._callbacks_place = len(self.runtime.after_cycle)
             self._texts = FrameTexts(config, self._segments, self._control.ports, self.recorder.frames)
             if isinstance(self._devices, EmulatedDevices):
                 self._devices.power_on()
@@ -649,6 +649,8 @@ class Bench:
 
     def on_cycle(self, callback: Callable[[], object]) -> Callable[[], None]:
         """Call `callback` at the end of every application cycle; returns the function that ends it."""
+        if not self._cycle_callbacks and self._after_cycle not in self.runtime.after_cycle:
+            self.runtime.after_cycle.insert(self._callbacks_place, self._after_cycle)
         # A new list each time, so that a callback may withdraw itself while the list is walked.
         self._cycle_callbacks = [*self._cycle_callbacks, callback]
 

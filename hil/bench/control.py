@@ -341,7 +341,7 @@ class ControlSystem:
             assert entry.ref is not None  # it is activated
             handle = self.nc_axes[entry.name] = NcAxisHandle(self.nc, entry.ref)
             group = self._recorder.add_group(entry.name, TRACE_COLUMNS, handle.trace_row)
-            self._runtime.after_cycle.append(group.sample)
+            self._runtime.records.append(group.sample)
             self._recorder.set_constant(f"{entry.name}.cycle_s", handle.object.cycle_s)
             if handle.object.two_speed:
                 self._recorder.set_constant(f"{entry.name}.two_speed", 1.0)
@@ -451,7 +451,7 @@ class ControlSystem:
 
     def _record(self, name: str, part: TechnologyAxis | ExternalEncoder | LeadingAxisProxy) -> None:
         group = self._recorder.add_group(name, part.trace_columns, part.trace_row, enums=part.trace_enums)
-        self._runtime_of(name).after_cycle.append(group.sample)
+        self._runtime_of(name).records.append(group.sample)
 
     # -- operation ------------------------------------------------------------------------------------------
 

@@ -171,7 +171,7 @@ class Segments:
 
     # -- evidence -------------------------------------------------------------------------------------------
 
-    def record_frames(self, recorder: Recorder, after_cycle: list[Callable[[], object]]) -> None:
+    def record_frames(self, recorder: Recorder, records: list[Callable[[], object]]) -> None:
         """Record the frames of all segments, and the load of those on CAN once per cycle."""
         for name in self.by_name:  # frames of the same time keep the order of the bench file
             if name in self.modbus:
@@ -182,7 +182,7 @@ class Segments:
             assert isinstance(section, CanTable)
             recorder.add_bus(name, can.log, drop=can.drop_log)
             meter = LoadMeter(can, bitrate=section.bitrate, cycle_ns=self._cycle_ns)
-            after_cycle.append(recorder.add_group(name, LOAD_COLUMNS, meter.row).sample)
+            records.append(recorder.add_group(name, LOAD_COLUMNS, meter.row).sample)
 
     def record_requests(self, recorder: Recorder, after_cycle: list[Callable[[], object]]) -> None:
         """Record the requests of the ports on Modbus once per cycle; of ports that come later, nothing."""

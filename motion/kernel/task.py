@@ -49,7 +49,8 @@ class Task(Generic[A, E]):
         scheduler: Time.
         cycle_ns: Cycle, ns.
         phase_ns: Instant within the cycle at which the task runs, ns.
-        program: The program, called after the objects.
+        program: The program, called after the objects; it calls `Scheduler.catch_up` before anything that
+            looks at a plant.
         program_cycles: Cycles from one call of the program to the next, 1 or more (MC-567).
 
     Raises:
@@ -81,16 +82,22 @@ class Task(Generic[A, E]):
         """Objects that take values of other controllers over, before all others."""
         self.background: list[Background] = []
         """Objects without inputs and outputs, such as cams."""
+        self.records: list[Callable[[], object]] = []
+        """Called at the end of every cycle, before `after_cycle`. They read what the controller and the buses
+        have, and nothing else (`Timer.apart`).
+        """
         self.after_cycle: list[Callable[[], object]] = []
-        """Called at the end of every cycle (recorder, triggers)."""
+        """Called at the end of every cycle (triggers, what a test watches)."""
         self.cycles = 0
         self._entry: Callable[[], object] = self.cycle
+        self._apart = True
         self._timer: Timer | None = None
 
     def start(self) -> None:
         """Begin to cycle."""
         if self._timer is None:
-            self._timer = self.scheduler.every(self.cycle_ns, self._entry, phase_ns=self.phase_ns)
+            self._timer = timer = self.scheduler.every(self.cycle_ns, self._entry, phase_ns=self.phase_ns)
+            timer.apart = self._apart
 
     def stop(self) -> None:
         """End the cycle."""
@@ -98,11 +105,13 @@ class Task(Generic[A, E]):
             self._timer.cancel()
             self._timer = None
 
-    def enter(self, entry: Callable[[], object]) -> None:
-        """Call `entry` in every cycle instead of what is called now."""
-        self._entry = entry
+    def enter(self, entry: Callable[[], object] | None = None) -> None:
+        """Call `entry` in every cycle instead of what is called now; None: `cycle`."""
+        self._apart = entry is None
+        self._entry = self.cycle if entry is None else entry
         if self._timer is not None:
-            self._timer.callback = entry
+            self._timer.callback = self._entry
+            self._timer.apart = self._apart
 
     def cycle_objects(self, *, servo_only: bool = False) -> None:
         """Run one cycle of the objects without the program; or their servo cycle alone."""
@@ -124,13 +133,25 @@ class Task(Generic[A, E]):
 
     def end_cycle(self) -> None:
         """Call what looks on at the end of a cycle."""
-        for callback in self.after_cycle:
-            callback()
+        for record in self.records:
+            record()
+        if self.after_cycle:
+            self.scheduler.catch_up()
+            for callback in self.after_cycle:
+                callback()
 
     def cycle(self) -> None:
-        """Run one cycle."""
+        """Run one cycle.
+
+        Objects have their devices on a bus: they neither see nor change a plant, so the task is an event
+        apart (`Timer.apart`). The program and `after_cycle` may do both, and begin when all is up to date.
+        """
         self.cycle_objects()
         if self.cycles % self.program_cycles == 0:
             self.run_program()
-        for callback in self.after_cycle:
-            callback()
+        for record in self.records:
+            record()
+        if self.after_cycle:
+            self.scheduler.catch_up()
+            for callback in self.after_cycle:
+                callback()

@@ -260,7 +260,7 @@ class AxisHandle(_Handle[TechnologyAxis]):
         instance.set(StartMode=start_mode, StopMode=stop_mode)
         if self._interlock is None:
             self._interlock = StartInterlock(self.object, instance)
-            self._runtime.program.insert(0, self._interlock)
+            self._runtime.call(self._interlock, first=True)
         self._interlock.request = True
         return instance
 

@@ -16,22 +16,33 @@ class Program:
 
     Args:
         axes: The axes, whose limit switches may be inputs of the process image of the program.
+        catch_up: Called before functions, which may look at a plant; instructions know objects only.
 
     """
 
-    def __init__(self, axes: list[TechnologyAxis]) -> None:
+    def __init__(self, axes: list[TechnologyAxis], catch_up: Callable[[], object]) -> None:
         self._axes = axes
-        self.calls: list[Callable[[], object]] = []
+        self._catch_up = catch_up
+        self.calls: tuple[Callable[[], object], ...] = ()
         """Called in this order."""
+        self._entries: list[Callable[[], object]] = []
+        """The same, as it is called."""
+        self._functions = False
+        """There are functions among them."""
         self.count = 0
         """How often the program has been called."""
         self._dormant: list[Instruction] = []
 
-    def call(self, instance: Callable[[], object]) -> None:
-        """Call `instance` with every call of the program from the next one on.
+    def call(self, instance: Callable[[], object], *, first: bool = False) -> None:
+        """Call `instance` with every call of the program from the next one on, behind the others.
 
         Instances whose job has ended and whose outputs are only held are not
         called until their `Execute` falls.
+
+        Args:
+            instance: Of an instruction, or a function.
+            first: In front of the others.
+
         """
         active: list[Callable[[], object]] = []
         for one in self.calls:
@@ -39,15 +50,20 @@ class Program:
                 self._dormant.append(one)
             else:
                 active.append(one)
-        self.calls = [*active, instance]
+        self._schedule([instance, *active] if first else [*active, instance])
+
+    def _schedule(self, calls: list[Callable[[], object]]) -> None:
+        self.calls = tuple(calls)
+        self._entries = [one.entry if isinstance(one, Instruction) else one for one in calls]
+        self._functions = not all(isinstance(one, Instruction) for one in calls)
 
     def uncall(self, instance: Callable[[], object]) -> None:
         """Call `instance` no more."""
-        self.calls = [one for one in self.calls if one != instance]
+        self._schedule([one for one in self.calls if one != instance])
 
     def restart(self) -> None:
         """Let every instance of an instruction start again (warm restart)."""
-        self.calls = [*self.calls, *self._dormant]
+        self._schedule([*self.calls, *self._dormant])
         self._dormant = []
         for one in self.calls:
             if isinstance(one, Instruction | MC_SaveAbsoluteEncoderData):
@@ -68,12 +84,14 @@ class Program:
             if not one.Execute:
                 self._wake()
                 break
-        for instance in self.calls:
-            instance()
+        if self._functions:
+            self._catch_up()
+        for entry in self._entries:
+            entry()
 
     def _wake(self) -> None:
         """Call those again that were not called and whose `Execute` has fallen."""
         woken = [one for one in self._dormant if not one.Execute]
         self._dormant = [one for one in self._dormant if one.Execute]
         # In front: they are older than what the program has got since, as a rule.
-        self.calls = [*woken, *self.calls]
+        self._schedule([*woken, *self.calls])

@@ -53,7 +53,7 @@ class Runtime:
         self.phase_ns = cycle_ns // 2 if phase_ns is None else phase_ns
         self.history = history
         self.axes: list[TechnologyAxis] = []
-        self.user_program = Program(self.axes)
+        self.user_program = Program(self.axes, scheduler.catch_up)
         """Instances and functions that are called after the axes, every `program_cycles`-th cycle."""
         self.task: Task[TechnologyAxis, ExternalEncoder] = Task(
             scheduler,
@@ -72,8 +72,12 @@ class Runtime:
         self._numbered = 0
         self.measuring_inputs: list[MeasuringInput] = []
         """Measuring inputs."""
+        self.records = self.task.records
+        """Called at the end of every application cycle, before `after_cycle`: the recorder's rows of objects
+        and buses.
+        """
         self.after_cycle = self.task.after_cycle
-        """Called at the end of every application cycle (recorder, triggers)."""
+        """Called at the end of every application cycle (triggers, what a test watches)."""
         self.data_blocks = DataBlocks()
         """Global data blocks of the user program."""
         self.card: MemoryCard | None = None
@@ -187,7 +191,7 @@ class Runtime:
     # -- the program
 
     @property
-    def program(self) -> list[Callable[[], object]]:
+    def program(self) -> tuple[Callable[[], object], ...]:
         """What the program calls, in this order."""
         return self.user_program.calls
 
@@ -201,9 +205,11 @@ class Runtime:
         """All instances of instructions in the program."""
         return self.user_program.instances
 
-    def call(self, instance: Callable[[], object]) -> None:
-        """Call `instance` with every call of the program from the next one on."""
-        self.user_program.call(instance)
+    def call(self, instance: Callable[[], object], *, first: bool = False) -> None:
+        """Call `instance` with every call of the program from the next one on, behind the others or in front
+        of them.
+        """
+        self.user_program.call(instance, first=first)
 
     def uncall(self, instance: Callable[[], object]) -> None:
         """Call `instance` no more."""

@@ -183,16 +183,18 @@ class EnableControl:
         """Whether an alarm has disabled an axis, or is about to, that is to be enabled (MC-167)."""
         return self._alarms.blocking and self._command.enable and self._states.state in _ALARMED
 
-    def call(self, *, enable: bool, start_mode: int, stop_mode: int) -> None:
-        """Take the inputs of `MC_Power` over."""
+    def call(self, *, enable: bool, start_mode: int, stop_mode: int) -> tuple[bool, bool, bool]:
+        """Take the inputs of `MC_Power` over; returns `enabled`, `busy` and `alarmed`."""
         self.start_mode = start_mode
-        if enable is self._command.enable:
-            return
-        self._command.enable = enable
-        if not enable:
-            if self._history is not None:
-                self._history.emit(self._name, "power.disable", stop_mode=stop_mode)
-            self._disable(stop_mode)
+        command = self._command
+        if enable is not command.enable:
+            command.enable = enable
+            if not enable:
+                if self._history is not None:
+                    self._history.emit(self._name, "power.disable", stop_mode=stop_mode)
+                self._disable(stop_mode)
+        enabled = self._states.facts.enabled
+        return enabled, command.enable or self.busy, self._alarms.blocking and self.alarmed
 
     def _disable(self, stop_mode: int) -> None:
         state = self._states.state

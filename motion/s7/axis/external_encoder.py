@@ -94,12 +94,15 @@ class EncoderEnabling:
         """Whether an alarm keeps an object disabled that is to be enabled."""
         return self.enable and not self.enabled and self._engine.reaction != 0
 
-    def call(self, *, enable: bool, start_mode: int, stop_mode: int) -> None:
-        """Take the inputs of `MC_Power` over; there is nothing to stop."""
+    def call(self, *, enable: bool, start_mode: int, stop_mode: int) -> tuple[bool, bool, bool]:
+        """Take the inputs of `MC_Power` over, where there is nothing to stop; returns `enabled`, `busy` and
+        `alarmed`.
+        """
         del start_mode, stop_mode
         self.enable = enable
         if not enable:
             self._set(False)
+        return self.enabled, enable, self.alarmed
 
     def step(self, *, valid: bool, restarting: bool) -> None:
         """Follow input, encoder value and alarms.

@@ -133,8 +133,8 @@ class Enabling(Protocol):
     def alarmed(self) -> bool:
         """Whether an alarm keeps an object disabled that is to be enabled (MC-167)."""
 
-    def call(self, *, enable: bool, start_mode: int, stop_mode: int) -> None:
-        """Take the inputs of `MC_Power` over."""
+    def call(self, *, enable: bool, start_mode: int, stop_mode: int) -> tuple[bool, bool, bool]:
+        """Take the inputs of `MC_Power` over; returns `enabled`, `busy` and `alarmed`."""
 
 
 class Restartable(Protocol):

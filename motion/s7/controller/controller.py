@@ -307,6 +307,7 @@ class Controller:
 
     def renew_cycle(self) -> None:
         """Let the runtime call what the present state and the settings of the levels want in every cycle."""
+        entry: Callable[[], None] | None
         if self.state is OperatingState.POWER_OFF:
             entry = self._cycle_without_supply
         elif self.state is not OperatingState.RUN:
@@ -314,7 +315,7 @@ class Controller:
         elif self._initialising:
             entry = self._cycle_initialising
         else:
-            entry = self._run_entry()
+            entry = None if self.levels.plain else self.levels.cycle
         self._task.enter(entry)
 
     def _run_entry(self) -> Callable[[], None]:

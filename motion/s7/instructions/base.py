@@ -8,6 +8,7 @@ too and change only in a call (MC-075).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from typing_extensions import override
@@ -117,6 +118,11 @@ class Instruction:
         """
         return False
 
+    @property
+    def entry(self) -> Callable[[], None]:
+        """What a program calls: the same as the instance without inputs."""
+        return self._call
+
     def __call__(self, **inputs: float) -> None:
         """Call the instance once."""
         if inputs:
@@ -177,11 +183,16 @@ class ExecuteInstruction(Instruction):
     CommandAborted, Error (MC-052 to MC-070).
     """
 
+    follows_state: ClassVar[bool] = False
+    """Its outputs depend on the state of the job alone."""
+
     def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: float) -> None:
         self.Execute = False
         self.Done = False
         self.CommandAborted = False
         self._job: Job | None = None
+        self._shown: JobState | None = None
+        """State of the job that the outputs show."""
         self._last_execute = False
         self._terminal = False
         super().__init__(axis, name=name, **inputs)
@@ -203,8 +214,11 @@ class ExecuteInstruction(Instruction):
         if self._terminal:
             if not execute:
                 self._clear()
-        elif self._job is not None:
-            self._show(self._job)
+        else:
+            job = self._job
+            if job is not None and not (self.follows_state and job.state is self._shown):
+                self._shown = job.state
+                self._show(job)
 
     def _begin(self) -> None:
         for key in self._absent:
@@ -225,7 +239,7 @@ class ExecuteInstruction(Instruction):
         self.Busy = self.Done = self.CommandAborted = self.Error = False
         self.ErrorID = NO_ERROR
         self._terminal = False
-        self._job = None
+        self._job = self._shown = None
 
     def _released(self) -> None:
         """Hook: falling edge of `Execute`; it never cancels a job (MC-064)."""

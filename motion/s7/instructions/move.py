@@ -40,6 +40,7 @@ class _Positioning(ExecuteInstruction):
     """
 
     object_types = ("PositioningAxis",)
+    follows_state = True
     Velocity: float
     Acceleration: float
     Deceleration: float

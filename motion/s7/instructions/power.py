@@ -66,12 +66,12 @@ class MC_Power(Instruction):
         start_mode, stop_mode = self.StartMode, self.StopMode
         wrong = NO_ERROR
         if stop_mode in _STOP_MODES and start_mode in _START_MODES:
-            enabling.call(enable=enable, start_mode=start_mode, stop_mode=stop_mode)
+            self.Status, self.Busy, alarmed = enabling.call(
+                enable=enable, start_mode=start_mode, stop_mode=stop_mode
+            )
         else:
             wrong = self._call_with_wrong_mode(enable)
-        self.Status = enabling.enabled
-        self.Busy = enabling.busy
-        alarmed = enabling.alarmed
+            self.Status, self.Busy, alarmed = enabling.enabled, enabling.busy, enabling.alarmed
         self.Error = alarmed
         self.ErrorID = ERROR_ALARM if alarmed else NO_ERROR
         if wrong:

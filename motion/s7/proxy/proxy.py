@@ -49,8 +49,10 @@ class _NoEnabling:
     busy = False
     alarmed = False
 
-    def call(self, *, enable: bool, start_mode: int, stop_mode: int) -> None:
+    def call(self, *, enable: bool, start_mode: int, stop_mode: int) -> tuple[bool, bool, bool]:
         """There is nothing to enable."""
+        del enable, start_mode, stop_mode
+        return False, False, False
 
 
 class LeadingAxisProxy(TechnologyObject):

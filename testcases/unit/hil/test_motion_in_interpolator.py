@@ -26,7 +26,7 @@ def led(machine, job, vector):
         calls[0] += 1
         job.set(**vector(calls[0]))
 
-    machine.runtime.program.insert(0, program)
+    machine.runtime.call(program, first=True)
     return lambda: machine.runtime.uncall(program)
 
 

@@ -122,7 +122,7 @@ class TestStop:
         """A stop from within a cycle acts when the cycle has ended; the instances after it do not take the
         axis back.
         """
-        rig.runtime.program.insert(0, lambda: rig.controller.stop("STP"))
+        rig.runtime.call(lambda: rig.controller.stop("STP"), first=True)
         rig.axis.power()
         rig.cycles(10)
         assert rig.controller.state is STOP
