@@ -170,7 +170,9 @@ def _file_of(name: str) -> str:
 # -------------------------------------------------------------------------------------------- compiling
 
 
-def compile_core(target: Path, work: Path, *, optimise: str, jobs: int, shipped: bool = False) -> list[str]:
+def compile_core(
+    target: Path, work: Path, *, optimise: str, jobs: int, shipped: bool = False, symbols: bool = False
+) -> list[str]:
     """Compile, put the package into `target`, and return the names of the modules.
 
     Args:
@@ -179,6 +181,7 @@ def compile_core(target: Path, work: Path, *, optimise: str, jobs: int, shipped:
         optimise: Level of the C compiler, 0..3.
         jobs: C files that are compiled at the same time.
         shipped: The sources come with it and do not change, as in a wheel: they are not compared.
+        symbols: Functions keep their names, for a profiler.
 
     Raises:
         CoreError: It is not possible.
@@ -191,7 +194,7 @@ def compile_core(target: Path, work: Path, *, optimise: str, jobs: int, shipped:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     (folder / "__init__.py").write_text('"""The compiled core of motion-hil."""\n', encoding="utf-8")
-    build = _Build(folder, work, optimise, jobs)
+    build = _Build(folder, work, optimise, jobs, symbols=symbols)
     for extension in extensions:
         build.extension(extension)
     build.prune()
@@ -286,7 +289,7 @@ _BUILDS_KEPT: Final = 3
 class _Build:
     """Compiles and links; an object file that was made from the same text is taken again."""
 
-    def __init__(self, folder: Path, work: Path, optimise: str, jobs: int) -> None:
+    def __init__(self, folder: Path, work: Path, optimise: str, jobs: int, *, symbols: bool) -> None:
         from mypyc.build import include_dir
 
         self._folder = folder
@@ -302,6 +305,7 @@ class _Build:
             b"".join(path.read_bytes() for path in sorted(work.glob("*.h")))
         ).hexdigest()
         self._jobs = jobs
+        self._strip = () if symbols else ("-s",)
 
     def extension(self, extension: _Extension) -> None:
         """Make one extension module."""
@@ -315,7 +319,7 @@ class _Build:
             objects = list(pool.map(lambda source: self._object(source, flags), extension.sources))
         file = self._folder / f"{extension.name.replace('.', '/')}{_suffix()}"
         file.parent.mkdir(parents=True, exist_ok=True)
-        self._run([*self._compiler, "-shared", "-s", "-o", str(file), *objects])
+        self._run([*self._compiler, "-shared", *self._strip, "-o", str(file), *objects])
 
     def _object(self, source: str, flags: Sequence[str]) -> str:
         text = Path(source).read_bytes()
@@ -352,6 +356,7 @@ def main() -> int:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--optimise", default=settings()["optimise"], help="level of the C compiler, 0..3")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="C files at the same time")
+    parser.add_argument("--symbols", action="store_true", help="keep the names of functions, for a profiler")
     parser.add_argument("--work", type=Path, default=ROOT / ".cache" / "core", help="folder for C files")
     arguments = parser.parse_args()
     started = time.monotonic()
@@ -361,6 +366,7 @@ def main() -> int:
             arguments.work.resolve(),
             optimise=str(arguments.optimise),
             jobs=arguments.jobs,
+            symbols=arguments.symbols,
         )
     except CoreError as error:
         print(f"compile_core: {error}", file=sys.stderr)

@@ -101,7 +101,8 @@ class Scheduler:
     """Whether `now` follows the wall clock."""
 
     def __init__(self) -> None:
-        self._now = 0
+        self.time_ns = 0
+        """Present time of the bench, ns: what `now` returns, but for the clock of a node."""
         self._heap: list[tuple[int, int, int, Timer]] = []
         self._sequence = 0  # number of the last event that was entered
         self._running = False
@@ -111,7 +112,7 @@ class Scheduler:
     @property
     def now(self) -> int:
         """Present time, ns."""
-        return self._now  # a property, because the clock of a node calculates it
+        return self.time_ns
 
     def at(self, time_ns: int, callback: Callback, *, priority: int = 0) -> Timer:
         """Enter `callback` for `time_ns`.
@@ -120,10 +121,10 @@ class Scheduler:
             SchedulerError: `time_ns` is in the past (virtual time only; in real time it fires at once).
 
         """
-        if time_ns < self._now:
+        if time_ns < self.time_ns:
             if not self.realtime:
-                raise SchedulerError(f"event at {time_ns} ns is before the present time {self._now} ns")
-            time_ns = self._now
+                raise SchedulerError(f"event at {time_ns} ns is before the present time {self.time_ns} ns")
+            time_ns = self.time_ns
         timer = Timer(time_ns, callback, priority)
         self._sequence = sequence = self._sequence + 1
         _push(self._heap, (time_ns, priority, sequence, timer))
@@ -146,7 +147,7 @@ class Scheduler:
         """Enter `callback` for `delay_ns` (>= 0) from now."""
         if delay_ns < 0:
             raise SchedulerError(f"delay {delay_ns} ns is negative")
-        return self.at(self._now + delay_ns, callback, priority=priority)
+        return self.at(self.time_ns + delay_ns, callback, priority=priority)
 
     def every(self, period_ns: int, callback: Callback, *, phase_ns: int = 0, priority: int = 0) -> Timer:
         """Call `callback` at every instant `k * period_ns + phase_ns` that is not before now.
@@ -162,7 +163,7 @@ class Scheduler:
             raise SchedulerError(f"period {period_ns} ns is not positive")
         if not 0 <= phase_ns < period_ns:
             raise SchedulerError(f"phase {phase_ns} ns is outside 0..{period_ns - 1} ns")
-        due = -(-(self._now - phase_ns) // period_ns) * period_ns + phase_ns
+        due = -(-(self.time_ns - phase_ns) // period_ns) * period_ns + phase_ns
         timer = Timer(due, callback, priority, period_ns)
         self._sequence = sequence = self._sequence + 1
         _push(self._heap, (due, priority, sequence, timer))
@@ -264,7 +265,7 @@ class VirtualScheduler(Scheduler):
 
     def post(self, callback: Callback) -> None:
         """Enter `callback` at the present instant; virtual time has no other threads."""
-        self.at(self._now, callback)
+        self.at(self.time_ns, callback)
 
     @property
     @override
@@ -307,7 +308,7 @@ class VirtualScheduler(Scheduler):
     @override
     def run_until(self, predicate: Callable[[], object], timeout_ns: int) -> bool:
         self._enter(timeout_ns)
-        end = self._now + timeout_ns
+        end = self.time_ns + timeout_ns
         try:
             if predicate is not _never:
                 return self._run_asking(predicate, end)
@@ -341,7 +342,7 @@ class VirtualScheduler(Scheduler):
                     self._make_steps(due, priority, sequence)
                     if heap[0][2] != sequence:
                         continue  # a step has entered an event that comes first
-            self._now = due
+            self.time_ns = due
             if timer.cancelled:
                 _pop(heap)
                 continue
@@ -352,7 +353,7 @@ class VirtualScheduler(Scheduler):
             else:
                 _pop(heap)
             timer.callback()
-        self._now = end
+        self.time_ns = end
 
     def _run_asking(self, predicate: Callable[[], object], end: int) -> bool:
         """Run events up to `end`, or until a predicate is true: it is asked after every instant, that of a
@@ -368,7 +369,7 @@ class VirtualScheduler(Scheduler):
                 due, priority, sequence, timer = heap[0]
                 if due > end:
                     break
-                self._now = due
+                self.time_ns = due
                 if timer.cancelled:
                     _pop(heap)
                 else:
@@ -381,7 +382,7 @@ class VirtualScheduler(Scheduler):
                     timer.callback()
                 if not (heap and heap[0][0] == due) and predicate():
                     return True
-            self._now = end
+            self.time_ns = end
         finally:
             for _, sequence, steps in lent:
                 timer = steps.timer
@@ -444,7 +445,7 @@ class VirtualScheduler(Scheduler):
             due, sequence, steps = entries[0]
             if due > end or (heap and heap[0] < (due, 0, sequence)):
                 break
-            self._now = due
+            self.time_ns = due
             steps.timer.due_ns = following = due + steps.period_ns
             _replace(entries, (following, sequence, steps))
             self._step_due = entries[0][0]
@@ -488,7 +489,7 @@ class RealtimeScheduler(Scheduler):
     def __init__(self, origin_ns: int | None = None) -> None:
         super().__init__()
         self.origin_ns = time.monotonic_ns() if origin_ns is None else origin_ns
-        self._now = max(0, time.monotonic_ns() - self.origin_ns)
+        self.time_ns = max(0, time.monotonic_ns() - self.origin_ns)
         self._posted: deque[Callback] = deque()
         self._wake = Condition()
         self.worst_lateness_ns = 0
@@ -519,15 +520,15 @@ class RealtimeScheduler(Scheduler):
         # The clock runs on between runs: a delay must not start when the last run ended. Inside of a callback
         # `now` stands, as in virtual time.
         if not self._running:
-            self._now = max(self._now, time.monotonic_ns() - self.origin_ns)
+            self.time_ns = max(self.time_ns, time.monotonic_ns() - self.origin_ns)
 
     @override
     def run_until(self, predicate: Callable[[], object], timeout_ns: int) -> bool:
         self._enter(timeout_ns)
         heap = self._heap
         posted = self._posted
-        self._now = max(self._now, time.monotonic_ns() - self.origin_ns)
-        end = self._now + timeout_ns
+        self.time_ns = max(self.time_ns, time.monotonic_ns() - self.origin_ns)
+        end = self.time_ns + timeout_ns
         asked = predicate is not _never
         try:
             if asked and predicate():
@@ -537,17 +538,17 @@ class RealtimeScheduler(Scheduler):
                 # the timed events from firing.
                 waiting = len(posted)
                 for _ in range(waiting):
-                    self._now = max(self._now, time.monotonic_ns() - self.origin_ns)
+                    self.time_ns = max(self.time_ns, time.monotonic_ns() - self.origin_ns)
                     posted.popleft()()
                 clock = time.monotonic_ns() - self.origin_ns
                 fired = bool(heap) and heap[0][0] <= clock and heap[0][0] <= end
                 if fired:
-                    self._now = max(self._now, clock)
+                    self.time_ns = max(self.time_ns, clock)
                     self._fire_instant(clock)
                 if asked and (waiting or fired) and predicate():
                     return True
                 if clock >= end and not (heap and heap[0][0] <= end):
-                    self._now = max(self._now, end)
+                    self.time_ns = max(self.time_ns, end)
                     return False
                 if waiting or fired:
                     continue

@@ -61,7 +61,8 @@ class NodeClock(Scheduler):
     @override
     def now(self) -> int:
         """Present time of the node, ns."""
-        return self.bench.now if self._straight else self.local(self.bench.now)
+        now = self.bench.time_ns
+        return now if self._straight else self.local(now)
 
     def local(self, bench_ns: int) -> int:
         """Return what this clock shows at a time of the bench."""

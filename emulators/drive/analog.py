@@ -134,8 +134,7 @@ class AnalogDrive(ServoDrive):
         are those of the true mechanics.
         """
         core = self.core
-        return (
-            *servo_values(self.mechanics, core),
+        return servo_values(self.mechanics, core) + (  # noqa: RUF005 - a sum makes no list
             core.encoder.increments,
             self.voltage,
             self.enabled,

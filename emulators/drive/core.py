@@ -76,7 +76,6 @@ class ServoCore:
         "_coast",
         "_coast_length",
         "_correction_gain",
-        "_encoder",
         "_factors",
         "_feedforward",
         "_inertia_per_step",
@@ -87,7 +86,6 @@ class ServoCore:
         "_left",
         "_limit_high",
         "_limit_low",
-        "_mechanics",
         "_middle",
         "_model",
         "_model_share",
@@ -119,6 +117,8 @@ class ServoCore:
         "_velocity_target",
         "brake",
         "enabled",
+        "encoder",
+        "mechanics",
         "on_standstill",
         "position",
         "position_demand",
@@ -149,8 +149,10 @@ class ServoCore:
             raise ConfigurationError(
                 "period_s", period_s, "0 < period <= a third of velocity_time_constant_ms"
             )
-        self._mechanics = mechanics
-        self._encoder = encoder
+        self.mechanics = mechanics
+        """The plant."""
+        self.encoder = encoder
+        """The motor encoder."""
         self._step_mechanics = mechanics.step
         self._sample = encoder.sample
         self._period = period_s
@@ -234,16 +236,6 @@ class ServoCore:
         return self._profile
 
     @property
-    def mechanics(self) -> AxisMechanics:
-        """The plant."""
-        return self._mechanics
-
-    @property
-    def encoder(self) -> RotaryEncoder:
-        """The motor encoder."""
-        return self._encoder
-
-    @property
     def period_s(self) -> float:
         """Servo period, s."""
         return self._period
@@ -315,7 +307,7 @@ class ServoCore:
     def reinitialise(self) -> None:
         """Read the encoder again, as after its power-on; pulses are inhibited."""
         self.inhibit_pulses()
-        self.position = self._encoder.sample(self._mechanics.motor_angle)
+        self.position = self.encoder.sample(self.mechanics.motor_angle)
         self.velocity = 0.0
         self._clear_setpoints()
 
@@ -326,7 +318,7 @@ class ServoCore:
         if positive_Nm != self._limit_high or -negative_Nm != self._limit_low:
             self._limit_high = positive_Nm
             self._limit_low = -negative_Nm
-            self._mechanics.calm_low = self._mechanics.calm_high = 0.0  # more torque reaches further
+            self.mechanics.calm_low = self.mechanics.calm_high = 0.0  # more torque reaches further
 
     def set_speed_limit(self, speed: float) -> None:
         """Limit the speed in torque control and while the position controller catches up, rad/s."""
@@ -615,9 +607,9 @@ class ServoCore:
         """Return whether the next `CALM_STEPS` steps certainly have no effect but on axis and control: no
         stop ends in them, no switch, end stop or zero mark is met, the brake does not move.
         """
-        if self._stop_pending or self.brake.busy or not self._encoder.plain:
+        if self._stop_pending or self.brake.busy or not self.encoder.plain:
             return False
-        mechanics = self._mechanics
+        mechanics = self.mechanics
         if (
             mechanics.calm_low < mechanics.position < mechanics.calm_high
             and -mechanics.calm_speed <= mechanics.velocity <= mechanics.calm_speed
@@ -636,7 +628,7 @@ class ServoCore:
                 self.step()
             return
         # As `step`, with all values at hand.
-        mechanics, encoder = self._mechanics, self._encoder
+        mechanics, encoder = self.mechanics, self.encoder
         force_per_torque, load_force, breakaway, decay, gain, friction, half_period, per_unit = (
             mechanics.factors
         )

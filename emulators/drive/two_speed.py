@@ -114,8 +114,7 @@ class TwoSpeedDrive(ServoDrive):
     def trace_row(self) -> tuple[float, ...]:
         """Return the present values of `trace_columns`."""
         core = self.core
-        return (
-            *servo_values(self.mechanics, core),
+        return servo_values(self.mechanics, core) + (  # noqa: RUF005 - a sum makes no list
             core.encoder.increments,
             sum(level << bit for bit, level in enumerate(self.terminals.values())),
             _NUMBERS[self.state],

@@ -150,7 +150,7 @@ class BusSection:
 
     def submit(self, port: MediumPort, frames: Iterable[CanFrame]) -> None:
         """Queue `frames` of `port`; see `MediumPort.send`."""
-        now = self.scheduler.now
+        now = self.scheduler.time_ns
         for frame in frames:
             key, bits = frame.timing or self._timing(frame, port)
             if not port.can_send:

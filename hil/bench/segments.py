@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 
 from fieldbus.can.port import MediumPort
 from fieldbus.canopen.master import CanopenMaster
-from fieldbus.clock import MS, S
+from fieldbus.clock import MS
 from fieldbus.errors import BusError, ConfigurationError, HilError
 from hil.bench.drive_config import ProfidriveModbusTable
 from hil.bench.io_config import StationTable
 from hil.bench.segment_config import CanTable, RtuTable, SegmentTable, TcpTable
 from hil.errors import BlockedError
+from hil.record.load_meter import LOAD_COLUMNS, LoadMeter
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -30,33 +31,6 @@ if TYPE_CHECKING:
 
 MASTER_NODE: Final = 127
 """Node-ID of the controller."""
-LOAD_COLUMNS: Final = (("load", "%"),)
-"""Columns of a CAN segment in the trace."""
-
-
-class LoadMeter:
-    """The load of a CAN segment over each application cycle (CANP-069).
-
-    A frame counts in the cycle in which it ends, so that one cycle may show a little more than 100 %.
-
-    Args:
-        segment: The segment; it knows the exact length of what it has carried.
-        bitrate: Its bit rate, bit/s.
-        cycle_ns: Time between two rows, ns.
-
-    """
-
-    def __init__(self, segment: CanSegment, *, bitrate: int, cycle_ns: int) -> None:
-        self._segment = segment
-        self._percent_per_bit = 100.0 * S / bitrate / cycle_ns
-        self._before = segment.busy_bits
-
-    def row(self) -> tuple[float]:
-        """Return the load since the last call, %."""
-        busy = self._segment.busy_bits
-        load = (busy - self._before) * self._percent_per_bit
-        self._before = busy
-        return (load,)
 
 
 class Segments:

@@ -6,7 +6,7 @@ import gc
 from collections.abc import Callable, Mapping, Sequence
 from struct import Struct
 from struct import error as StructError  # noqa: N812 - the library's own name `error` says nothing here
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.clock import Scheduler
 from fieldbus.errors import ConfigurationError
@@ -101,7 +101,8 @@ class Group:
         """
         offset = self._offset
         try:
-            self._pack_into(self._buffer, offset, self._scheduler.now, *self._row())
+            head: tuple[Any, ...] = (self._buffer, offset, self._scheduler.time_ns)
+            self._pack_into(*(head + tuple(self._row())))
         except StructError as error:
             raise RecordingError(
                 f"group {self.name!r}: the row function did not return {len(self.columns)} numbers: {error}"

@@ -564,8 +564,7 @@ class CiA402Drive(MainsDrive):
         """
         core = self.core
         values = self.slave.values
-        return (
-            *servo_values(self.mechanics, core),
+        return servo_values(self.mechanics, core) + (  # noqa: RUF005 - a sum makes no list
             self.axis.following_error,
             core.encoder.increments,
             values[0x604000],

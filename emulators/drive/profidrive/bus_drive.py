@@ -116,8 +116,7 @@ class DriveOnBus(MainsDrive):
         data = drive.data
         row = data.row
         nsoll, xerr, kpc, m_add = data.control_places
-        return (
-            *servo_values(drive.mechanics, core),
+        return servo_values(drive.mechanics, core) + (  # noqa: RUF005 - a sum makes no list
             core.position_demand - core.position,
             drive.encoder.increments,
             data.stw1,

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 
 from hil.bench import Bench, load_bench
+
+
+def note(bench, mechanics, positions):
+    positions.append((bench.now_s, mechanics.position))
 
 
 def looks_in_the_program(bench, look):
@@ -63,7 +69,7 @@ def test_the_motor_is_where_it_is(arrange):
             bench.run_for(0.1)
             mechanics = bench.drive().mechanics
             positions = []
-            arrange(bench, lambda: positions.append((bench.now_s, mechanics.position)))
+            arrange(bench, partial(note, bench, mechanics, positions))
             if steps_are_events:
                 bench.scheduler.make_steps_events()
             bench.run_for(0.1)
