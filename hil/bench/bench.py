@@ -151,7 +151,9 @@ class Bench:
             if self._control.nc is not None:
                 stack.callback(self._control.nc.stop)
             self._segments.record_requests(self.recorder, self.runtime.after_cycle)
-            self._callbacks_place = len(self.runtime.after_cycle)
+            self._listed = bool(self.runtime.after_cycle)
+            if self._listed:
+                self.runtime.after_cycle.append(self._after_cycle)
             self._texts = FrameTexts(config, self._segments, self._control.ports, self.recorder.frames)
             if isinstance(self._devices, EmulatedDevices):
                 self._devices.power_on()
@@ -649,8 +651,10 @@ class Bench:
 
     def on_cycle(self, callback: Callable[[], object]) -> Callable[[], None]:
         """Call `callback` at the end of every application cycle; returns the function that ends it."""
-        if not self._cycle_callbacks and self._after_cycle not in self.runtime.after_cycle:
-            self.runtime.after_cycle.insert(self._callbacks_place, self._after_cycle)
+        if not self._listed:
+            # In front of what a test has put there; without any of it drives need not catch up for it.
+            self._listed = True
+            self.runtime.after_cycle.insert(0, self._after_cycle)
         # A new list each time, so that a callback may withdraw itself while the list is walked.
         self._cycle_callbacks = [*self._cycle_callbacks, callback]
 

@@ -137,7 +137,7 @@ class Task(Generic[A, E]):
             record()
         if self.after_cycle:
             self.scheduler.catch_up()
-            for callback in self.after_cycle:
+            for callback in tuple(self.after_cycle):
                 callback()
 
     def cycle(self) -> None:
@@ -153,5 +153,5 @@ class Task(Generic[A, E]):
             record()
         if self.after_cycle:
             self.scheduler.catch_up()
-            for callback in self.after_cycle:
+            for callback in tuple(self.after_cycle):
                 callback()
