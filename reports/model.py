@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -237,6 +237,10 @@ class RequirementInfo:
     document: str
     own: bool = False
     """It comes from a catalogue of the user, and leads the report."""
+
+
+PRODUCT_DIGEST: Final = "SHA-256 of the product"
+"""Key of the environment of a run: over the files of the product that has run."""
 
 
 @dataclass

@@ -12,10 +12,12 @@ from xml.etree import ElementTree as ET
 
 from reports.coverage import PrefixTotal, RequirementRow, prefix_totals, requirement_matrix
 from reports.errors import ReportError
-from reports.model import CaseResult, RunResult, Verdict
+from reports.model import PRODUCT_DIGEST, CaseResult, RunResult, Verdict
 from reports.seeding import Seeding
 from reports.summary import run_digest
 
+SOFTWARE: Final = "software"
+"""Property of a test in a JUnit file: name and version of the software of others with which it ran."""
 NOT_CLAIMED: Final = (
     (
         "This is no certificate, and no tool qualification as IEC 61508-3, ISO 26262-8 or EN 50128 "
@@ -55,6 +57,20 @@ class PeerResult:
     passed: int
     failed: int
     skipped: int
+    software: tuple[str, ...] = ()
+    """Names and versions of the software, as the tests recorded them."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where cases come from, and on what they ran."""
+
+    campaign: str
+    """Empty: cases that cannot be repeated by a token."""
+    bench: str
+    bench_digest: str
+    """SHA-256 of the bench file; empty: it is not known."""
+    cases: int
 
 
 @dataclass(frozen=True)
@@ -80,6 +96,9 @@ class Qualification:
     """Of all traces of the run, `run_digest`."""
     product: tuple[tuple[str, str], ...]
     """Package and SHA-256 of its files."""
+    product_digest: str
+    """Over all of these, as they are now."""
+    sources: tuple[Source, ...]
     bench_digest: str
     rows: list[RequirementRow]
     totals: list[PrefixTotal]
@@ -106,6 +125,11 @@ class Qualification:
         return [case for case in self.run.cases if case.verdict is not Verdict.PASSED]
 
     @property
+    def ran_with(self) -> str:
+        """Digest of the product that the run was made with; empty: the run does not say."""
+        return self.run.environment.get(PRODUCT_DIGEST, "")
+
+    @property
     def limits(self) -> list[str]:
         """What this run leaves open, in sentences."""
         run = self.run
@@ -117,6 +141,12 @@ class Qualification:
         bad = run.count(Verdict.FAILED) + run.count(Verdict.ERROR)
         if bad:
             found.append(f"{bad} cases have failed or ended with an error.")
+        if not self.ran_with:
+            found.append("The run does not say which state of the product it was made with.")
+        elif self.ran_with != self.product_digest:
+            found.append(
+                "The product has changed since the run: the digests of its packages are not those of the run."
+            )
         if run.interrupted:
             found.append("The run was interrupted: not all of its cases have run.")
         if run.shard:
@@ -129,10 +159,21 @@ class Qualification:
                 found.append(f"{one.title}: {missed} of {len(one.seeding.defects)} were not noticed.")
             if not one.seeding.defects:
                 found.append(f"{one.title}: none was judged, so nothing shows that a case can be red.")
+            if one.seeding.defects and one.seeding.product != self.ran_with:
+                found.append(f"{one.title}: they were not put into the product that the run was made with.")
+            if one.seeding.left_out:
+                found.append(
+                    f"{one.title}: {one.seeding.left_out} cases judged nothing, their time was used up."
+                )
             if one.seeding.interrupted:
                 found.append(f"{one.title}: the run was interrupted, not all of them were judged.")
         if not self.peers:
             found.append("No results of tests with software of others are given.")
+        found += [
+            f"{peer.name}: the version of its software is not recorded."
+            for peer in self.peers
+            if not peer.software
+        ]
         found += [f"{peer.name}: {peer.failed} tests have failed." for peer in self.peers if peer.failed]
         found += [f"{peer.name}: {peer.skipped} tests were left out." for peer in self.peers if peer.skipped]
         return found
@@ -142,6 +183,8 @@ def qualify(
     run: RunResult,
     *,
     product: Sequence[tuple[str, str]],
+    product_digest: str,
+    sources: Sequence[Source],
     bench_digest: str,
     defects: Sequence[Defects] = (),
     peers: Sequence[PeerResult] = (),
@@ -151,6 +194,8 @@ def qualify(
     Args:
         run: The run, with its catalogue of requirements.
         product: Package and digest of its files.
+        product_digest: Digest over all of them.
+        sources: Campaigns and benches of the run.
         bench_digest: SHA-256 of the text of the bench file.
         defects: Seeded and drawn defects, with who caught them.
         peers: Tests with software of others.
@@ -161,6 +206,8 @@ def qualify(
         run,
         run_digest(run),
         tuple(product),
+        product_digest,
+        tuple(sources),
         bench_digest,
         rows,
         prefix_totals(rows),
@@ -187,11 +234,16 @@ def load_peers(path: Path) -> list[PeerResult]:
     except ET.ParseError as error:
         raise ReportError(f"{path}: this is no JUnit file: {error}") from error
     counts: dict[str, list[int]] = {}
+    software: dict[str, dict[str, None]] = {}
     for test in root.iter("testcase"):
         name = test.get("classname", "").rpartition(".")[2] or "tests"
         bad = test.find("failure") is not None or test.find("error") is not None
         which = 1 if bad else 2 if test.find("skipped") is not None else 0
         counts.setdefault(name, [0, 0, 0])[which] += 1
+        for recorded in test.iterfind(f"properties/property[@name='{SOFTWARE}']"):
+            software.setdefault(name, {})[recorded.get("value", "")] = None
     if not counts:
         raise ReportError(f"{path}: there is no test in it")
-    return [PeerResult(name, *numbers) for name, numbers in counts.items()]
+    return [
+        PeerResult(name, *numbers, software=tuple(software.get(name, ()))) for name, numbers in counts.items()
+    ]

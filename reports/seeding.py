@@ -28,6 +28,14 @@ class Defect:
     caught_by: list[str]
     remark: str
     seconds: float | None
+    how: str = ""
+    """`failed`, `error`, `blocked`, `hung` or `crashed`: how the first case that caught it ended."""
+    message: str = ""
+    """What that case said."""
+    broken: tuple[str, ...] = ()
+    """Requirements that its failed checks name."""
+    changes: tuple[str, ...] = ()
+    """What was changed in the source, in words."""
 
 
 @dataclass
@@ -38,6 +46,16 @@ class Seeding:
     error: str = ""
     interrupted: bool = False
     """Whether not all of them were judged."""
+    seed: int | None = None
+    """Of the run, and of the draw if the defects were drawn."""
+    cases: int | None = None
+    """Cases that judged, all of which were green without a defect."""
+    left_out: int = 0
+    """Cases that judged nothing, because there was no time to run them without a defect."""
+    product: str = ""
+    """Digest of the product that was changed; empty: it is not known."""
+    judged_by: str = ""
+    """Digest of the names of the cases that judged."""
 
     def count(self, status: str) -> int:
         """Return the number of defects with a status."""
@@ -49,14 +67,26 @@ def load_seeding(folder: str | Path) -> Seeding | None:
     path = Path(folder) / SEEDING_FILE
     try:
         plain = json.loads(path.read_text(encoding="utf-8"))
-        interrupted = isinstance(plain, dict) and bool(plain.get("interrupted"))
-        return Seeding([_defect(entry) for entry in _entries(plain)], interrupted=interrupted)
+        about = plain if isinstance(plain, dict) else {}
+        return Seeding(
+            [_defect(entry) for entry in _entries(plain)],
+            interrupted=bool(about.get("interrupted")),
+            seed=_whole(about.get("seed")),
+            cases=_whole(about.get("baseline_cases")),
+            left_out=_whole(about.get("baseline_left_out")) or 0,
+            product=str(about.get("product", "")),
+            judged_by=str(about.get("judged_by", "")),
+        )
     except FileNotFoundError:
         return None
     except KeyError as error:
         return Seeding(error=f"{SEEDING_FILE}: an entry has no {error}")
     except (OSError, ValueError, TypeError) as error:
         return Seeding(error=f"{SEEDING_FILE}: {error}")
+
+
+def _whole(value: object) -> int | None:
+    return value if isinstance(value, int) else None
 
 
 def _entries(plain: object) -> list[Any]:
@@ -79,4 +109,10 @@ def _defect(entry: Mapping[str, Any]) -> Defect:
         caught_by=caught_by,
         remark=str(entry.get("explained") or entry.get("message") or ""),
         seconds=float(seconds) if isinstance(seconds, int | float) else None,
+        how=str(entry.get("how", "")),
+        message=str(entry.get("message", "")) if caught_by else "",
+        broken=tuple(str(one) for one in entry.get("broken", ())),
+        changes=tuple(
+            f"{change['target']}: {change['old']} -> {change['new']}" for change in entry.get("changes", ())
+        ),
     )

@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
-import importlib.util
 from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Final
 
 from hil._commands.terminal import console, print_json
+from hil._digests import PACKAGES, package_digest, product_digest
 from hil._requirements import complete, own_requirements
-from hil.errors import CannotRunError
+from hil.campaign import Token
+from hil.errors import CannotRunError, TokenError
 from reports import load_run
 from reports.errors import ReportError
 from reports.html.qualification import write_qualification
-from reports.qualification import Defects, PeerResult, load_peers, qualify
+from reports.model import RunResult
+from reports.qualification import Defects, PeerResult, Source, load_peers, qualify
 from reports.reqif import write_reqif
 from reports.seeding import load_seeding
 
 PAGE_FILE: Final = "qualification.html"
 REQIF_FILE: Final = "qualification.reqif"
-PACKAGES: Final = ("fieldbus", "emulators", "motion", "hil", "reports", "testcases.campaigns")
-"""Packages whose files have a digest on the page."""
 
 
 def qualify_run(
@@ -59,6 +58,8 @@ def qualify_run(
     found = qualify(
         run,
         product=[(name, package_digest(name)) for name in PACKAGES],
+        product_digest=product_digest(),
+        sources=_sources(run),
         bench_digest=hashlib.sha256(run.bench_text.encode()).hexdigest(),
         defects=[
             *_defects("Seeded defects", mutants or folder, needed=mutants is not None),
@@ -95,21 +96,6 @@ def qualify_run(
     return 1 if found.open_cases else 0
 
 
-def package_digest(name: str) -> str:
-    """Return SHA-256 over names and contents of the files of a package, without what running it leaves."""
-    spec = importlib.util.find_spec(name)
-    if spec is None or spec.submodule_search_locations is None:
-        raise CannotRunError(f"the package {name} is not there")
-    total = hashlib.sha256()
-    for place in spec.submodule_search_locations:
-        root = Path(place)
-        for path in sorted(root.rglob("*")):
-            if path.is_file() and path.suffix != ".pyc":
-                total.update(path.relative_to(root).as_posix().encode() + b"\0")
-                total.update(path.read_bytes())
-    return total.hexdigest()
-
-
 def _defects(title: str, folder: Path, *, needed: bool) -> Sequence[Defects]:
     seeding = load_seeding(folder)
     if seeding is None:
@@ -119,6 +105,20 @@ def _defects(title: str, folder: Path, *, needed: bool) -> Sequence[Defects]:
             )
         return ()
     return (Defects(title, seeding),)
+
+
+def _sources(run: RunResult) -> list[Source]:
+    """Return campaigns and benches of a run, as the tokens of its cases have them."""
+    counts: dict[tuple[str, str, str], int] = {}
+    for case in run.cases:
+        try:
+            token = Token.decode(case.token)
+        except TokenError:  # it cannot be repeated: a test of pytest, or results of another program
+            key = ("", "", "")
+        else:
+            key = (token.campaign, token.bench or run.bench_name, token.bench_digest)
+        counts[key] = counts.get(key, 0) + 1
+    return [Source(*key, count) for key, count in sorted(counts.items())]
 
 
 def _peers(path: Path | None) -> list[PeerResult]:

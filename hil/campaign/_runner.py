@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from fieldbus import core_build
+from hil._digests import product_digest
 from hil._workers import number_of_processes
 from hil.bench.makes import NC_BENCH
 from hil.campaign._case import Case
@@ -25,7 +26,7 @@ from hil.campaign._files import FOLDER, Keep
 from hil.campaign._worker import Order, bench_of
 from hil.errors import CannotRunError
 from hil.protocols import kind_of
-from reports.model import CaseResult, RunResult, Verdict
+from reports.model import PRODUCT_DIGEST, CaseResult, RunResult, Verdict
 from reports.packed import pack_case
 from reports.store import JOURNAL_FILE, RUN_FILE, SIGNAL_FOLDER, finish_run, load_run, start_run, write_case
 
@@ -90,6 +91,7 @@ def environment_facts() -> dict[str, str]:
             facts[package] = metadata.version(package)
         except metadata.PackageNotFoundError:
             facts[package] = "not installed"
+    facts[PRODUCT_DIGEST] = product_digest()
     return facts
 
 

@@ -12,6 +12,7 @@ from operator import or_
 from typing import Any, Final
 
 from fieldbus import core_build
+from hil._digests import product_digest
 from hil._workers import CopyStarter, Pool, number_of_processes
 from hil.errors import CannotRunError
 from hil.mutants._coverage import Coverage, Covered, MarkNumbers, modules_in, scope_of
@@ -167,6 +168,8 @@ class Seeding:
     interrupted: bool = False
     """Whether it ended before every defect was judged, or has not ended yet."""
     seed: int = 0
+    product: str = ""
+    """Digest of the product that is changed."""
     judged_by: str = ""
     """Digest of the cases that judge and of their benches' names: with others the
     results would not be comparable.
@@ -194,10 +197,12 @@ class Seeding:
             "baseline_cases": len(self.baseline),
             "baseline_red": [outcome.judge.name for outcome in self.red],
             "baseline_measured": self.measured,
+            "baseline_left_out": self.unknown,
             "baseline_seconds": round(self.baseline_seconds, 1),
             "seconds": round(self.seconds, 1),
             "interrupted": self.interrupted,
             "seed": self.seed,
+            "product": self.product,
             "judged_by": self.judged_by,
         }
 
@@ -249,7 +254,7 @@ class Seeder:
         self._pool = Pool[Task, Outcome | None](
             number_of_processes(options.jobs), start, reuse=False, standstill_s=STANDSTILL_S
         )
-        self._seeding = Seeding(seed=options.seed, judged_by=digest_of(judges))
+        self._seeding = Seeding(seed=options.seed, product=product_digest(), judged_by=digest_of(judges))
         self._done: dict[str, MutantResult] = {result.mutant.name: result for result in earlier}
         self._reported = len(self._done)
         self._started_s = time.perf_counter() - earlier_seconds

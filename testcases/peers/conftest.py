@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from reports.qualification import SOFTWARE
 from testcases.node_peer import MASTER, NODE, NodeStation, Station
+from testcases.peers.versions import software_of
 
 
 @pytest.hookimpl(tryfirst=True)  # before anything is selected by marks
@@ -18,6 +20,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if str(item.path).startswith(here):
             item.add_marker(pytest.mark.peers)
+
+
+@pytest.fixture(autouse=True)
+def recorded_software(request: pytest.FixtureRequest) -> None:
+    """Write into the JUnit file with which software of others a test runs, for `hil qualify --peers`."""
+    request.node.user_properties.extend((SOFTWARE, text) for text in software_of(request.path.stem))
 
 
 @pytest.fixture(scope="session")
