@@ -186,7 +186,8 @@ def main() -> int:
         kills, in_time, sessions = kills + session.kills, in_time + session.in_time, sessions + 1
         print(
             f"{kills} kills, {in_time} of them before a further case had ended; {sessions} runs of "
-            f"{session.cases} cases whole"
+            f"{session.cases} cases whole",
+            flush=True,
         )
     return 0
 

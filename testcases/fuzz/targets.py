@@ -135,9 +135,7 @@ def slave() -> Take:
     node.power_on()
 
     def take(data: bytes) -> None:
-        node.store.stored.clear()
-        segment.receive(_RESET_NODE, segment.scheduler.now)
-        segment.feed(data)
+        segment.feed(data)  # to a node that has just been reset
         promise(node.nmt_state in set(NmtState), "an NMT state that does not exist")
         node.store.stored.clear()
         segment.receive(_RESET_NODE, segment.scheduler.now)
@@ -361,10 +359,8 @@ def encoder() -> Take:
     device_type = b"\x43\x00\x10\x00" + unit.slave.store.read(0x1000, 0)
 
     def take(data: bytes) -> None:
-        unit.slave.store.stored.clear()
-        segment.receive(_RESET_NODE, segment.scheduler.now)
         angle[0] += 1.0
-        segment.feed(data)
+        segment.feed(data)  # to an encoder that has just been reset
         unit.sample()
         store = unit.slave.store
         position = int.from_bytes(store.read(0x6004, 0), "little", signed=True)
