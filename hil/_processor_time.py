@@ -1,8 +1,9 @@
-"""Processor time of another process."""
+"""Processor time of processes, with what they have started."""
 
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -13,6 +14,12 @@ _USER, _CHILDREN_SYSTEM = 11, 14
 """Places in `/proc/PID/stat` behind the name: user, system, and both of children that it has waited for
 (proc_pid_stat(5)).
 """
+
+
+def own_processor_time_s() -> float:
+    """Return the processor time of this process and of the children that it has waited for, s."""
+    times = os.times()
+    return time.process_time() + times.children_user + times.children_system
 
 
 def processor_time_s(pid: int) -> float | None:

@@ -245,5 +245,6 @@ def load_peers(path: Path) -> list[PeerResult]:
     if not counts:
         raise ReportError(f"{path}: there is no test in it")
     return [
-        PeerResult(name, *numbers, software=tuple(software.get(name, ()))) for name, numbers in counts.items()
+        PeerResult(name, passed, failed, skipped, tuple(software.get(name, ())))
+        for name, (passed, failed, skipped) in counts.items()
     ]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import io
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from hil._processor_time import own_processor_time_s
 from hil.errors import CannotRunError
 from hil.mutants._plan import Judge
 
@@ -108,10 +108,10 @@ def run_test_file(
     claims = judge.campaign.startswith(CLAIMS) and requirements is not None
     watcher = _Watcher(frozenset(requirements or ()) if claims else None)
     arguments = [judge.identifier, "-x", "-q", "-m", _ELSEWHERE, "-p", "no:cacheprovider", "-p", "no:xdist"]
-    started = time.process_time()
+    started = own_processor_time_s()
     with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
         code = pytest.main([*arguments, "--override-ini=addopts=", "--tb=short"], plugins=[watcher])
-    seconds = time.process_time() - started
+    seconds = own_processor_time_s() - started
     if code in {0, _NONE_SELECTED}:
         return "passed", "", seconds, ()
     verdict = "blocked" if requirements is None else "failed" if code == 1 else "error"

@@ -4,12 +4,12 @@ nobody else.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+from hil._processor_time import own_processor_time_s
 from hil._workers import Answer, Pool
 from hil.campaign import CaseSettings, case_seed, execute_case, load_campaign
 from hil.campaign._limits import USED_UP, limit_processor
@@ -135,7 +135,7 @@ def _judge(task: Task, judge: Judge, limit_s: float) -> Outcome:
         changed = None if task.mutant is None else task.mutant.requirements
         verdict, message, seconds, broken = run_test_file(judge, changed)
         return Outcome(judge, verdict, message, seconds, frozenset(), requirements=broken)
-    started = time.process_time()
+    started = own_processor_time_s()
     try:
         # A machine that is busy with other things makes no case slow: the limit is processor time.
         case = replace(load_campaign(judge.campaign)[judge.identifier], wall_limit_s=_NO_LIMIT_S)
@@ -144,19 +144,19 @@ def _judge(task: Task, judge: Judge, limit_s: float) -> Outcome:
         if task.mutant is None:
             raise
         text = f"{type(error).__name__}: {error}"
-        return Outcome(judge, "crashed", text, time.process_time() - started, frozenset())
+        return Outcome(judge, "crashed", text, own_processor_time_s() - started, frozenset())
     settings = CaseSettings(seed=case_seed(task.seed, judge.identifier))
     try:
         with limit_processor(limit_s):
             result = execute_case(case, bench, settings).result
     except (CaseTimeoutError, CaseEndedError) as error:  # while the result was being written down
-        return Outcome(judge, "hung", str(error), time.process_time() - started, frozenset())
+        return Outcome(judge, "hung", str(error), own_processor_time_s() - started, frozenset())
     hung = result.verdict is Verdict.ERROR and result.message.startswith(USED_UP)
     return Outcome(
         judge=judge,
         verdict="hung" if hung else result.verdict.value,
         message=result.message,
-        seconds=time.process_time() - started,
+        seconds=own_processor_time_s() - started,
         reached=frozenset(),
         requirements=_broken(result),
         trace=result.trace_digest,

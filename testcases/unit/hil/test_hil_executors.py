@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from hil._processor_time import own_processor_time_s, processor_time_s
 from hil._workers import Answer, CopyStarter, Ended, Pool, start_interpreter
 from hil.campaign import Runner, RunOptions, _limits, find_campaigns, select_cases
 from hil.campaign import _runner as runner_module
@@ -261,6 +262,21 @@ def test_patience_can_be_processor_time():
     }
     assert ends(0.5, stands) == {stands: ("hung", f"{said} stood still for 0.5 s and was ended")}
     assert ends(0.0, waits) == {waits: ("hung", f"{said} did not answer for 0.4 s and was ended")}
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="only Linux tells the time of a process")
+def test_processor_time_is_that_of_all_that_a_process_has_started():
+    """That of a child counts while it runs and when it has ended; of a process that is gone there is none."""
+    begun_s, before_s, all_s = own_processor_time_s(), time.process_time(), processor_time_s(os.getpid())
+    with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as child:
+        while processor_time_s(os.getpid()) < all_s + 0.3:
+            time.sleep(0.02)
+        own_s = time.process_time() - before_s
+        child.kill()
+        child.wait()
+    assert own_processor_time_s() - begun_s > 0.25
+    assert own_s < 0.2, "it was the child that worked"
+    assert processor_time_s(child.pid) is None
 
 
 def test_processes_are_used_again_or_not():
