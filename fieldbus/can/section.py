@@ -575,9 +575,7 @@ class BusSection:
         errors = self.errors
         errors.count_quiet(self.ports, self._start_ns, end - self._durations[_ACK_TO_EOF_BITS])
         changes: list[StateChange] = []
-        # A sender whose queue has been emptied in the meantime is not counted for what it was before.
-        valid = entry[1] > sender.discarded
-        if valid and sender.tec:
+        if sender.tec:
             sender.tec -= 1
             errors.update_state(sender, changes)
         for port in audience:
@@ -592,13 +590,12 @@ class BusSection:
         else:
             self.busy_bits += entry[4]
             self.log.write(end, sender.name, frame, "")
-        if valid:
-            self._suspend(sender, end)
+        self._suspend(sender, end)
         self._release(end)
         for port in audience:
             if port.takes_fd or not frame.fd:
                 port.receive(frame, end)
-        if valid and sender.confirmation is not None:
+        if sender.confirmation is not None:
             sender.confirmation.receive(entry[3], end)
         errors.report(changes)
 
@@ -632,15 +629,13 @@ class BusSection:
             self._begin_frame(entry, start)
             return
         changes: list[StateChange] = []
-        if entry[1] > sender.discarded:
-            self.give_back(sender, entry, ErrorCode.ACK)
-            # An error-passive node that only misses the acknowledge is not counted up, or it would end in
-            # bus-off.
-            if sender.state is not NodeState.ERROR_PASSIVE:
-                sender.tec += 8
-                errors.report_error(sender, ErrorCode.ACK, "ack_slot", entry[3])
-                errors.update_state(sender, changes)
-            self._suspend(sender, end)
+        self.give_back(sender, entry, ErrorCode.ACK)
+        # An error-passive node that only misses the acknowledge is not counted up, or it would end in bus-off.
+        if sender.state is not NodeState.ERROR_PASSIVE:
+            sender.tec += 8
+            errors.report_error(sender, ErrorCode.ACK, "ack_slot", entry[3])
+            errors.update_state(sender, changes)
+        self._suspend(sender, end)
         self._unacknowledged = False
         self._release(end)
         errors.report(changes)

@@ -1,4 +1,4 @@
-"""The segment against a model that reads every bit: `bit_oracle`."""
+"""The segment against a model that reads every bit: `_can_model`."""
 
 import pytest
 from hypothesis import event, given, reject
@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from fieldbus.can import CanFrame, CanMedium
 from fieldbus.clock import US, VirtualScheduler
-from testcases.unit.fieldbus_can import bit_oracle
+from testcases.campaigns import _can_model
 
 pytestmark = pytest.mark.exhaustive
 
@@ -66,7 +66,7 @@ def compare(make_nodes, flips):
     """Let both models run until nothing happens any more, and compare them."""
     nodes = make_nodes()
     segment = Segment(nodes, flips)
-    levels = bit_oracle.run(nodes, flips)
+    levels = _can_model.run(nodes, flips)
     if levels is None:
         raise EndlessError
     segment.scheduler.run_for((len(levels) + 20) * US)
@@ -152,7 +152,7 @@ def test_segment_is_what_the_bitwise_model_says(scenario):
     """
     nodes, flips = scenario
     try:
-        _, segment, _ = compare(lambda: [bit_oracle.Node(**node) for node in nodes], flips)
+        _, segment, _ = compare(lambda: [_can_model.Node(**node) for node in nodes], flips)
     except EndlessError:
         reject()
     event(f"{min(len(segment.medium.log), 8)} attempts")
@@ -206,7 +206,7 @@ def test_every_bit_of_a_frame_may_be_wrong(states, who):
     for place in range(78):
         compare(
             lambda: [
-                bit_oracle.Node(
+                _can_model.Node(
                     name, {"a": [(5, SHORT)], "b": [(9, CanFrame(0x700))]}.get(name, []), tec=tec, rec=rec
                 )
                 for name, (tec, rec) in zip("abc", states, strict=True)
@@ -225,7 +225,7 @@ def test_every_second_error_within_an_error_frame(states, who):
     for place in range(30):
         compare(
             lambda: [
-                bit_oracle.Node(name, [(0, SHORT)] if name == "a" else [], tec=tec, rec=rec)
+                _can_model.Node(name, [(0, SHORT)] if name == "a" else [], tec=tec, rec=rec)
                 for name, (tec, rec) in zip("ab", states, strict=True)
             ],
             {20: None, 21 + place: who},
@@ -240,5 +240,5 @@ def test_dlc_above_8_is_passed_on_bit_by_bit_as_well(dlc):
     """
     frame = CanFrame(0x123, bytes(range(8)), dlc=dlc)
     for flips in ({}, {40: None}):
-        _, segment, _ = compare(lambda: [bit_oracle.Node("a", [(0, frame)]), bit_oracle.Node("b")], flips)
+        _, segment, _ = compare(lambda: [_can_model.Node("a", [(0, frame)]), _can_model.Node("b")], flips)
         assert segment.received["b"] == [(segment.received["b"][0][0], key(frame))]
