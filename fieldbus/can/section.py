@@ -630,7 +630,8 @@ class BusSection:
             return
         changes: list[StateChange] = []
         self.give_back(sender, entry, ErrorCode.ACK)
-        # An error-passive node that only misses the acknowledge is not counted up, or it would end in bus-off.
+        # An error-passive node that only misses the acknowledge is not counted up, or it would end in
+        # bus-off.
         if sender.state is not NodeState.ERROR_PASSIVE:
             sender.tec += 8
             errors.report_error(sender, ErrorCode.ACK, "ack_slot", entry[3])

@@ -202,6 +202,9 @@ class Bench:
         """Note the numbers of the drives, for judges of the trace, and whether time is real."""
         if self.kind == "live":
             self.recorder.set_constant("bench.live", 1.0)
+        for bus, segment in self._segments.can.items():
+            if segment.bitrate is not None:
+                self.recorder.set_constant(f"{bus}.bitrate", segment.bitrate)
         for name, section in self.config.drive.items():
             for key, value in numbers_of_drive(section, self.config.bench).items():
                 self.recorder.set_constant(f"{name}.{key}", value)

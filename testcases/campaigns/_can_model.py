@@ -1,8 +1,8 @@
 """A slow and plain model of a CAN bus: every node reads every bit, and nothing is computed ahead.
 
-What campaigns and tests compare the virtual segment with. It shares no code with it: frames are lists of bits that are made here, and
-a node is a generator that yields the bit it sends and is given the bit that it reads (0 dominant, 1
-recessive). Time is counted in bits.
+What campaigns and tests compare the virtual segment with. It shares no code with it: frames are lists of bits
+that are made here, and a node is a generator that yields the bit it sends and is given the bit that it reads
+(0 dominant, 1 recessive). Time is counted in bits.
 """
 
 ACTIVE, PASSIVE, BUS_OFF = "ERROR_ACTIVE", "ERROR_PASSIVE", "BUS_OFF"

@@ -2,8 +2,8 @@
 
 A segment computes good frames as a whole and follows the bits only where something is wrong. Both ways have
 to come to the same: times, receivers, counters and states are those of a plain model of ISO 11898-1 whatever
-bits are wrong for whom, and a segment that is followed bit by bit all the time has the same log as one that is
-not.
+bits are wrong for whom, and a segment that is followed bit by bit all the time has the same log as one that
+is not.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ class Comparison:
         equal(self._ctx, f"pieces of traffic that end: at least {least}", self._count >= least, 1)
 
 
-# -- against the model ----------------------------------------------------------------------------------------
+# -- against the model ---------------------------------------------------------------------------------------
 
 IDS: Final = (0x000, 0x001, 0x07F, 0x0F0, 0x123, 0x555, 0x5F0, 0x7FF)
 BORDERS: Final = (0, 0, 0, 1, 8, 95, 96, 119, 120, 126, 127, 128, 135, 200, 247, 248, 254, 255)
@@ -182,7 +182,7 @@ def drawn_nodes(draw: random.Random) -> list[dict[str, Any]]:
 )
 def model(ctx: CaseContext, seed: int) -> None:
     """Whatever bits are wrong, and for whom: ends, receivers, counters and states are those of the model."""
-    draw = random.Random(seed)  # noqa: S311 - a draw that can be repeated
+    draw = random.Random(seed)
     comparison = Comparison(ctx)
     for number in range(30):
         nodes = drawn_nodes(draw)
@@ -218,7 +218,7 @@ WHO: Final = (None, frozenset("a"), frozenset("b"), frozenset("bc"))
     requirements=RULES,
 )
 def every_bit(ctx: CaseContext, states: str) -> None:
-    """From the bit before SOF to the third bit of idle, for all, the sender, one receiver and both in turn."""
+    """From the bit before SOF to the third bit of idle; for all, the sender, one receiver, both in turn."""
     comparison = Comparison(ctx)
     first = tuple(STATES).index(states)
     for place in range(78):
@@ -255,7 +255,7 @@ def second_error(ctx: CaseContext) -> None:
     comparison.expect(40, "CANP-048", "CANP-049", "CANP-050")
 
 
-# -- whole frames against single bits -------------------------------------------------------------------------
+# -- whole frames against single bits ------------------------------------------------------------------------
 
 
 @dataclass
@@ -338,7 +338,7 @@ def ways(ctx: CaseContext, kind: str, seed: int) -> None:
     """Nodes that send, fall silent, become passive, come and go: a segment with a listener of another bit
     rate, which has to be followed bit by bit, has the log of one without.
     """
-    draw = random.Random(f"{kind} {seed}")  # noqa: S311 - a draw that can be repeated
+    draw = random.Random(f"{kind} {seed}")
     fd = kind == "fd"
     comparison = Comparison(ctx)
     own: Any = ctx.bench.segment("can0")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from hil.expect.rules import (
     _axis_words,
+    _bus_protocol,
     _bus_values,
     _causes,
     _drive_motion,
@@ -15,6 +16,7 @@ from hil.expect.rules import (
     _places,
     _ramps,
 )
+from hil.expect.rules._bus_views import BusView
 from hil.expect.rules._definition import Findings, Rule
 from hil.expect.rules._pieces import pieces
 from hil.expect.rules._views import AxisView, DriveView, TraceView
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
     from hil.record import Trace
     from reports.model import Check
 
-__all__ = ["ALL_RULES", "AXIS_RULES", "DRIVE_RULES", "Rule", "judge"]
+__all__ = ["ALL_RULES", "AXIS_RULES", "BUS_RULES", "DRIVE_RULES", "Rule", "judge"]
 
 AXIS_RULES: Final[tuple[Rule[AxisView], ...]] = (
     *_kinematics.AXIS_RULES,
@@ -39,7 +41,8 @@ DRIVE_RULES: Final[tuple[Rule[DriveView], ...]] = (
     *_drive_words.DRIVE_RULES,
     *_causes.DRIVE_RULES,
 )
-ALL_RULES: Final[tuple[Rule[Any], ...]] = (*AXIS_RULES, *DRIVE_RULES)
+BUS_RULES: Final[tuple[Rule[BusView], ...]] = _bus_protocol.BUS_RULES
+ALL_RULES: Final[tuple[Rule[Any], ...]] = (*AXIS_RULES, *DRIVE_RULES, *BUS_RULES)
 """All of them; a check is called by the name of its rule, with the component behind it."""
 
 
@@ -49,28 +52,35 @@ def judge(trace: Trace, *, longest: int | None = None) -> list[Check]:
     A trace with more than `longest` samples of a component (None: by their number) is judged in pieces that
     overlap.
 
-    A bus log shows too little. On a live bench controller and drives record in processes of their own, at
-    times that waver: what most rules compare cycle by cycle is not of the same instant there; the others
-    judge (`Rule.live`).
+    A bus log of another tool shows too little of axes and drives: rules of the bus alone judge it. On a live
+    bench controller and drives record in processes of their own, at times that waver: what most rules compare
+    cycle by cycle is not of the same instant there; the others judge (`Rule.live`).
     """
-    if trace.from_log:
-        return []
-    live = bool(trace.constants.get("bench.live"))
+    live = trace.from_log or bool(trace.constants.get("bench.live"))
     axes = Findings([rule for rule in AXIS_RULES if rule.live or not live])
     drives = Findings([rule for rule in DRIVE_RULES if rule.live or not live])
+    buses = Findings([rule for rule in BUS_RULES if rule.live or not live])
     for part, span_s in pieces(trace, longest=longest):
-        _look(part, span_s, axes, drives)
+        _look(part, span_s, axes, drives, buses)
         if span_s is not None:
             gc.collect()  # a view and its components know each other, and a case runs without collecting
-    return [*axes.checks(), *drives.checks()]
+    return [*axes.checks(), *drives.checks(), *buses.checks()]
 
 
 def _look(
-    part: Trace, span_s: tuple[float, float] | None, axes: Findings[AxisView], drives: Findings[DriveView]
+    part: Trace,
+    span_s: tuple[float, float] | None,
+    axes: Findings[AxisView],
+    drives: Findings[DriveView],
+    buses: Findings[BusView],
 ) -> None:
     """Judge a piece of a trace."""
     view = TraceView(part)
-    for axis in view.axes.values():
-        axes.look(axis.name, axis, axis.excuses, cycle_s=view.cycle_s, span_s=span_s)
-    for drive in view.drives.values():
-        drives.look(drive.name, drive, drive.excuses, cycle_s=view.cycle_s, span_s=span_s)
+    if not part.from_log:
+        for axis in view.axes.values():
+            axes.look(axis.name, axis, axis.excuses, cycle_s=view.cycle_s, span_s=span_s)
+        for drive in view.drives.values():
+            drives.look(drive.name, drive, drive.excuses, cycle_s=view.cycle_s, span_s=span_s)
+    for name in part.can_buses:
+        bus = BusView(view, name)
+        buses.look(name, bus, bus.excuses, cycle_s=view.cycle_s, span_s=span_s)

@@ -77,6 +77,8 @@ class BusFrames:
         self._trace = trace
         self._buses: dict[str, dict[int, Frames]] = {}
         self._errors: dict[str, NDArray[np.float64]] = {}
+        self._remotes: dict[str, dict[int, list[float]]] = {}
+        self._senders: dict[str, dict[int, set[str]]] = {}
 
     def _of_bus(self, bus: str) -> dict[int, Frames]:
         found = self._buses.get(bus)
@@ -87,13 +89,19 @@ class BusFrames:
                 return packed
             collected: defaultdict[int, _Collected] = defaultdict(_Collected)
             errors = Spool()
+            remotes = self._remotes.setdefault(bus, {})
+            senders = self._senders[bus] = defaultdict(set)
             log = iter(self._trace.raw_frames(bus))
             while part := list(islice(log, _PART)):
                 kept: defaultdict[int, list[tuple[int, bytes]]] = defaultdict(list)
-                for time_ns, _sender, frame, error in part:
+                for time_ns, sender, frame, error in part:
                     if error or frame.extended or frame.remote or not isinstance(frame, CanFrame) or frame.fd:
+                        if frame.remote and not error and not frame.extended:
+                            remotes.setdefault(frame.can_id, []).append(time_ns * 1e-9)
                         continue
-                    kept[frame.can_id].append((time_ns, frame.data))
+                    can_id = frame.can_id
+                    kept[can_id].append((time_ns, frame.data))
+                    senders[can_id].add(sender)
                 for can_id, frames in kept.items():
                     collected[can_id].add(frames)
                 wrong = np.array([entry[0] for entry in part if entry[3]], dtype=np.float64) * 1e-9
@@ -138,6 +146,20 @@ class BusFrames:
             return None
         last = np.searchsorted(errors, times, side="right") - 1
         return (last >= 0) & (times - errors[np.maximum(last, 0)] <= span_s)
+
+    def identifiers(self, bus: str) -> frozenset[int]:
+        """Return the identifiers of the data frames."""
+        return frozenset(self._of_bus(bus))
+
+    def senders(self, bus: str, can_id: int) -> set[str]:
+        """Return who has sent data frames with an identifier."""
+        self._of_bus(bus)
+        return self._senders[bus].get(can_id, set())
+
+    def remotes(self, bus: str, can_id: int) -> list[float]:
+        """Return when the remote frames of an identifier have ended, s."""
+        self._of_bus(bus)
+        return self._remotes[bus].get(can_id, [])
 
     def of(self, bus: str, can_id: int) -> Frames:
         """Return the frames of an identifier."""

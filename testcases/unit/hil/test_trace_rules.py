@@ -12,7 +12,7 @@ import pytest
 
 from fieldbus.history import Event
 from hil.bench import load_bench
-from hil.expect.rules import ALL_RULES, judge
+from hil.expect.rules import AXIS_RULES, DRIVE_RULES, judge
 from hil.expect.rules.handbook import with_rules
 from hil.faults import Injector
 from hil.record import Trace
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hil.bench.bench import Bench
 
 Numbers = Any
-NAMES: Final = tuple(rule.name for rule in ALL_RULES)
+NAMES: Final = tuple(rule.name for rule in (*AXIS_RULES, *DRIVE_RULES))
 pytestmark = pytest.mark.exhaustive
 
 

@@ -1,0 +1,550 @@
+"""Rules about CANopen nodes, from the frames of the bus alone: they hold for a device of the bench as for
+anybody else's.
+"""
+
+from __future__ import annotations
+
+import itertools
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+from hil.expect.rules._bus_views import (
+    OPERATIONAL,
+    PREPARED,
+    STARTING,
+    STOPPED,
+    BusView,
+    Sent,
+    State,
+    between,
+)
+from hil.expect.rules._definition import Judged, Rule
+from hil.expect.rules._sdo_dialogue import Dialogue
+
+_DISTURBED: Final = (
+    "frame.", "can.", "drive.", "encoder.", "io.", "telegram.", "controller.", "pto.", "proxy.",
+)  # fmt: skip
+_RECOVERY_S: Final = 1.0
+_STATES: Final = {
+    OPERATIONAL: "Operational",
+    STOPPED: "Stopped",
+    PREPARED: "Pre-operational",
+    STARTING: "boot-up",
+}
+_TPDOS: Final = (0x180, 0x280, 0x380, 0x480)
+Found = list[tuple[float, str]]
+
+
+def _judged(found: Found) -> Judged | None:
+    return Judged.of_list(sorted(found, key=lambda one: one[0])) if found else None
+
+
+# -- SDO -----------------------------------------------------------------------------------------------------
+
+
+def _sdo(bus: BusView) -> Judged | None:
+    found: Found = []
+    for node in bus.nodes:
+        answers = bus.sent(0x580 + node)
+        if not answers or not bus.alone(node, 0x580 + node):
+            continue
+        requests = bus.sent(0x600 + node)
+        both = sorted(
+            [(one.time_s, False, one.data) for one in requests]
+            + [(one.time_s, True, one.data) for one in answers]
+        )
+        starts = [
+            one.begin_s for one in bus.states(node) if one.state in (STARTING, STOPPED) or not one.commanded
+        ]
+        talk = Dialogue()
+        for when, answers_it, data in both:
+            while starts and starts[0] < when:
+                # A restart, or Stopped, drops the transfer without a word.
+                starts.pop(0)
+                talk = Dialogue()
+            if answers_it:
+                wrong = talk.answer(data)
+                found.append((when, wrong and f"node {node}: {wrong}"))
+            else:
+                talk.request(data)
+    return _judged(found)
+
+
+SDO: Final = Rule(
+    name="SDO dialogue",
+    says="every answer of an SDO server fits the request, segment and block in front of it",
+    requirements=("C301-057", "C301-059", "C301-061", "C301-064", "C301-067", "C301-069", "C301-072"),
+    tolerance="none",
+    judge=_sdo,
+    excused_by=_DISTURBED,
+    recovery_s=_RECOVERY_S,
+    live=True,
+)
+
+
+# -- NMT, boot-up, heartbeat ---------------------------------------------------------------------------------
+
+
+def _troubled(bus: BusView, node: int, since_s: float, time_s: float) -> bool:
+    """Return whether the node has told a communication error in a time: 1029h may have changed its state."""
+    return any(
+        len(one.data) > 1 and one.data[1] in (0x81, 0x82)
+        for one in between(bus.sent(0x80 + node), since_s, time_s)
+    )
+
+
+def _shown(bus: BusView) -> Judged | None:
+    found: Found = []
+    for node in bus.nodes:
+        if not bus.alone(node, 0x700 + node):
+            continue
+        states = bus.states(node)
+        for when, data in bus.sent(0x700 + node):
+            if len(data) != 1:
+                found.append((when, f"node {node}: error control with {len(data)} bytes"))
+                continue
+            told = bus.state_at(states, when)
+            if data == b"\0" or told is None or told.state == STARTING:
+                continue
+            state = data[0] & 0x7F
+            right = state == told.state or _troubled(bus, node, told.begin_s, when)
+            text = f"node {node} shows state {state} in place of {told.state} ({_STATES[told.state]})"
+            found.append((when, "" if right else text))
+    return _judged(found)
+
+
+NMT_STATE: Final = Rule(
+    name="NMT state",
+    says="heartbeat and guarding answer show the state that the last NMT command or boot-up has led to",
+    requirements=("C301-016", "C301-017", "C301-022", "C301-023"),
+    tolerance="1.5 ms and six frames behind a command; not behind a communication error (1029h)",
+    judge=_shown,
+    excused_by=_DISTURBED,
+    recovery_s=_RECOVERY_S,
+    live=True,
+)
+
+
+def _silence(bus: BusView) -> Judged | None:
+    found: Found = []
+    for node in bus.nodes:
+        states = bus.states(node)
+        for begin, state, end_s in _intervals(bus, states):
+            names = {
+                STOPPED: {0x580: "an SDO answer", 0x80: "an EMCY", **dict.fromkeys(_TPDOS, "a PDO")},
+                PREPARED: dict.fromkeys(_TPDOS, "a PDO"),
+                STARTING: {0x580: "an SDO answer", 0x80: "an EMCY", **dict.fromkeys(_TPDOS, "a PDO")},
+            }.get(state.state, {})
+            for base, what in names.items():
+                if not bus.alone(node, base + node):
+                    continue
+                sent = between(bus.sent(base + node), begin, end_s)
+                if state.state == PREPARED and not state.commanded:
+                    continue
+                found.append((begin, ""))
+                found += [
+                    (one.time_s, f"node {node} sends {what} in {_STATES[state.state]}") for one in sent[:3]
+                ]
+    return _judged(found)
+
+
+def _intervals(bus: BusView, states: list[State]) -> Iterator[tuple[float, State, float]]:
+    """Return the times in which a node is in a state for sure."""
+    for state, following in zip(states, [*states, None][1:], strict=True):
+        end_s = bus.end_s if following is None else following.begin_s
+        begin_s = state.begin_s + bus.settle_s
+        if begin_s < end_s:
+            yield begin_s, state, end_s
+
+
+SILENT: Final = Rule(
+    name="services of a state",
+    says="no PDO in Pre-operational, in Stopped and before the boot-up no SDO, EMCY and PDO of a node",
+    requirements=("C301-016", "C301-056", "C301-022"),
+    tolerance="1.5 ms and six frames behind a command",
+    judge=_silence,
+    excused_by=_DISTURBED,
+    recovery_s=_RECOVERY_S,
+    live=True,
+)
+
+
+def _boot_ups(bus: BusView) -> Judged | None:
+    found: Found = []
+    for node in bus.nodes:
+        states = bus.states(node)
+        for state, following in itertools.pairwise(states):
+            if state.state == STARTING and following.begin_s - state.begin_s > 1.0:
+                found.append((state.begin_s, f"node {node} sends no boot-up after a reset"))
+            elif state.state == STARTING:
+                found.append((state.begin_s, ""))
+    return _judged(found)
+
+
+BOOT_UP: Final = Rule(
+    name="boot-up",
+    says="a node that is reset sends its boot-up within a second",
+    requirements=("C301-022",),
+    tolerance="none",
+    judge=_boot_ups,
+    excused_by=_DISTURBED,
+    recovery_s=_RECOVERY_S,
+    live=True,
+)
+
+
+class Setting(NamedTuple):
+    """A value that a node was given by SDO: from when to when it holds."""
+
+    begin_s: float
+    end_s: float
+    value: int
+
+
+def settings(bus: BusView, node: int, index: int, sub: int) -> list[Setting]:
+    """Return what expedited downloads have written to an object and the node has taken, each until the next
+    one, or until the node starts anew.
+    """
+    mux = index.to_bytes(2, "little") + bytes((sub,))
+    answers = bus.sent(0x580 + node)
+    starts = [one.begin_s for one in bus.states(node) if one.state == STARTING or not one.commanded]
+    found: list[Setting] = []
+    for when, data in bus.sent(0x600 + node):
+        if len(data) != 8 or data[0] >> 5 != 1 or not data[0] & 2 or data[1:4] != mux:
+            continue
+        at = bisect_right(answers, when, key=lambda one: one.time_s)
+        if at == len(answers) or answers[at].data[:1] != b"\x60" or answers[at].data[1:4] != mux:
+            continue
+        taken_s = answers[at].time_s
+        over = bisect_left(starts, taken_s)
+        end_s = starts[over] if over < len(starts) else bus.end_s
+        size = 4 - (data[0] >> 2 & 3) if data[0] & 1 else 4
+        if found and found[-1].end_s > when:
+            found[-1] = found[-1]._replace(end_s=when)
+        found.append(Setting(taken_s, end_s, int.from_bytes(data[4 : 4 + size], "little")))
+    return found
+
+
+def _wrong_periods(bus: BusView, frames: list[Sent], period_s: float, who: str) -> Found:
+    """Return the distances of frames that are to come in a period."""
+    most = max(3 * bus.frame_s, 0.02 * period_s if bus.whole.trace.from_log else 0.0)
+    found: Found = []
+    for one, other in itertools.pairwise(frames):
+        off = other.time_s - one.time_s - period_s
+        text = f"{who} comes after {1000 * (off + period_s):.3f} ms in place of {1000 * period_s:.3f} ms"
+        found.append((other.time_s, text if abs(off) > most else ""))
+    return found
+
+
+def _heartbeats(bus: BusView) -> Judged | None:
+    found: Found = []
+    for node in bus.nodes:
+        if not bus.alone(node, 0x700 + node):
+            continue
+        beats = [one for one in bus.sent(0x700 + node) if one.data != b"\0"]
+        for begin_s, end_s, value in settings(bus, node, 0x1017, 0):
+            some = between(beats, begin_s, end_s)
+            if value == 0:
+                # Guarding answers are asked for.
+                asked = bus.asked(0x700 + node)
+                late = [one for one in between(some, begin_s + bus.settle_s, end_s) if not asked]
+                found += [(one.time_s, f"node {node} sends a heartbeat with 1017h = 0") for one in late]
+                continue
+            period_s = value * 1e-3
+            found += _wrong_periods(bus, [Sent(begin_s, b""), *some], period_s, f"heartbeat of node {node}")
+            due_s = (some[-1].time_s if some else begin_s) + period_s
+            if end_s == bus.end_s or any(one.begin_s == end_s and one.commanded for one in bus.states(node)):
+                ended = end_s > due_s + 3 * bus.frame_s
+                found.append((due_s, f"heartbeats of node {node} end" if ended else ""))
+    return _judged(found)
+
+
+HEARTBEAT: Final = Rule(
+    name="heartbeat time",
+    says="the heartbeats of a node come in the time that was written to its 1017h, with 0 none",
+    requirements=("C301-023",),
+    tolerance="three frames",
+    judge=_heartbeats,
+    excused_by=_DISTURBED,
+    recovery_s=_RECOVERY_S,
+)
+
+
+def _consumers(bus: BusView) -> Judged | None:
+    """Both ends of the consumer time: 8130h when a watched node falls silent, and not before."""
+    found: Found = []
+    for node in bus.nodes:
+        emcys = [one for one in bus.sent(0x80 + node) if one.data[:2] == b"\x30\x81"]
+        guarded = bool(settings(bus, node, 0x100C, 0))
+        states = bus.states(node)
+        due: list[tuple[float, bool]] = []
+        sure = True
+        watching = False
+        for sub in range(1, 9):
+            for begin_s, end_s, value in settings(bus, node, 0x1016, sub):
+                other, time_s = value >> 16 & 0x7F, (value & 0xFFFF) * 1e-3
+                if not other or not time_s:
+                    continue
+                watching = True
+                beats = between(bus.sent(0x700 + other), begin_s, end_s)
+                sure = sure and len(bus.whole.frames.senders(bus.name, 0x700 + other)) <= 1
+                for one, following in zip(beats, [*beats, None][1:], strict=True):
+                    next_s = end_s if following is None else following.time_s
+                    if one.data[:1] not in (b"", b"\0") and next_s - one.time_s > time_s - bus.frame_s:
+                        certain = next_s - one.time_s > time_s + bus.settle_s
+                        due.append((one.time_s + time_s, certain))
+        if not sure or guarded or not watching:
+            continue
+        lost = False
+        for when, sure_of_it in sorted(due):
+            state = bus.state_at(states, when)
+            near = [one for one in emcys if abs(one.time_s - when) < bus.settle_s]
+            if sure_of_it and not lost and state is not None and state.state in (OPERATIONAL, PREPARED):
+                wrong = not near and not settings(bus, node, 0x1014, 0)
+                found.append(
+                    (when, f"node {node} does not tell a missing heartbeat (8130h)" if wrong else "")
+                )
+            lost = True
+        for one in emcys:
+            right = any(abs(one.time_s - when) < bus.settle_s for when, _ in due)
+            found.append(
+                (one.time_s, "" if right else f"node {node} misses a heartbeat (8130h) that is not due")
+            )
+    return _judged(found)
+
+
+CONSUMER: Final = Rule(
+    name="heartbeat consumer",
+    says="8130h comes when a watched node is silent for the time that was written to 1016h, and not before",
+    requirements=("C301-026", "C301-123"),
+    tolerance="1.5 ms and six frames",
+    judge=_consumers,
+    excused_by=_DISTURBED,
+    recovery_s=_RECOVERY_S,
+)
+
+
+def _guarding(bus: BusView) -> Judged | None:
+    found: Found = []
+    for node in bus.nodes:
+        asked = bus.asked(0x700 + node)
+        if not asked or not bus.alone(node, 0x700 + node):
+            continue
+        answers = bus.sent(0x700 + node)
+        starts = [one.begin_s for one in bus.states(node) if one.state == STARTING or not one.commanded]
+        toggle: int | None = None
+        for when in asked:
+            at = bisect_right(answers, when, key=lambda one: one.time_s)
+            if at == len(answers) or answers[at].time_s - when > bus.settle_s or answers[at].data == b"\0":
+                continue
+            if starts and starts[0] < when:
+                toggle = 0
+                starts = [one for one in starts if one > when]
+            bit = answers[at].data[0] >> 7
+            found.append(
+                (
+                    when,
+                    "" if toggle in (None, bit) else f"guarding answer of node {node} with toggle bit {bit}",
+                )
+            )
+            toggle = bit ^ 1
+    return _judged(found)
+
+
+GUARDING: Final = Rule(
+    name="guarding toggle bit",
+    says="bit 7 of the guarding answers changes from answer to answer and begins with 0",
+    requirements=("C301-028",),
+    tolerance="none",
+    judge=_guarding,
+    excused_by=_DISTURBED,
+    recovery_s=_RECOVERY_S,
+    live=True,
+)
+
+
+# -- EMCY ----------------------------------------------------------------------------------------------------
+
+_REGISTER: Final = (
+    (0x2000, 0x2FFF, 0x02),
+    (0x3000, 0x3FFF, 0x04),
+    (0x4000, 0x4FFF, 0x08),
+    (0x8100, 0x82FF, 0x10),
+)
+"""Codes and the bit of 1001h that belongs to them (CiA 301, table 26)."""
+
+
+def _emcys(bus: BusView) -> Judged | None:
+    found: Found = []
+    for node in bus.nodes:
+        if not bus.alone(node, 0x80 + node):
+            continue
+        for when, data in bus.sent(0x80 + node):
+            if len(data) != 8:
+                found.append((when, f"node {node}: EMCY with {len(data)} bytes"))
+                continue
+            code, register = data[0] | data[1] << 8, data[2]
+            wanted = 0 if not code >> 8 else 1
+            for low, high, bit in _REGISTER:
+                if low <= code <= high:
+                    wanted |= bit
+            text = f"node {node}: EMCY {code:04X}h with register {register:02X}h, {wanted:02X}h is missing"
+            found.append((when, text if register & wanted != wanted else ""))
+    return _judged(found)
+
+
+EMCY: Final = Rule(
+    name="EMCY and register",
+    says="an EMCY has eight bytes, and its register the bits of its code",
+    requirements=("C301-109", "C301-112"),
+    tolerance="none",
+    judge=_emcys,
+    excused_by=("frame.", "drive.emcy_storm"),
+    recovery_s=_RECOVERY_S,
+    live=True,
+)
+
+
+# -- PDO and SYNC --------------------------------------------------------------------------------------------
+
+
+def _value_at(values: list[Setting], begin_s: float, end_s: float) -> int | None:
+    """Return the value that holds all through a time; None: none does."""
+    return next((one.value for one in values if one.begin_s <= begin_s and one.end_s >= end_s), None)
+
+
+def _tpdos(bus: BusView) -> Judged | None:
+    found: Found = []
+    syncs = [one.time_s for one in bus.sent(0x80)]
+    for node in bus.nodes:
+        for number in range(4):
+            can_ids = settings(bus, node, 0x1800 + number, 1)
+            if not can_ids:
+                continue
+            kinds, counts = settings(bus, node, 0x1800 + number, 2), settings(bus, node, 0x1A00 + number, 0)
+            entries = [settings(bus, node, 0x1A00 + number, sub) for sub in range(1, 9)]
+            times = settings(bus, node, 0x1800 + number, 5)
+            pauses = settings(bus, node, 0x1800 + number, 3)
+            starts = settings(bus, node, 0x1800 + number, 6)
+            for begin_s, state, end_s in _intervals(bus, bus.states(node)):
+                if state.state != OPERATIONAL or not state.commanded:
+                    continue
+                for setting in can_ids:
+                    from_s, to_s = max(begin_s, setting.begin_s), min(end_s, setting.end_s)
+                    if setting.value >> 31 or setting.value & 0x3FFFF800 or from_s >= to_s:
+                        continue
+                    if not bus.alone(node, setting.value & 0x7FF):
+                        continue
+                    frames = between(bus.sent(setting.value & 0x7FF), from_s, to_s)
+                    name = f"TPDO{number + 1} of node {node}"
+                    pdo = _Pdo(name, frames, from_s, to_s)
+                    count = _value_at(counts, from_s, to_s)
+                    parts = [_value_at(one, from_s, to_s) for one in entries[: count or 0]]
+                    if count and count <= 8 and None not in parts:
+                        size = -(-sum((one or 0) & 0xFF for one in parts) // 8)
+                        found += [
+                            (
+                                one.time_s,
+                                ""
+                                if len(one.data) == size
+                                else f"{name} with {len(one.data)} bytes, {size} are mapped",
+                            )
+                            for one in frames
+                        ]
+                    kind = _value_at(kinds, from_s, to_s)
+                    if kind is not None and 1 <= kind <= 240:
+                        if not starts or _value_at(starts, from_s, to_s) == 0:
+                            found += _cyclic(bus, pdo, syncs, kind)
+                    elif kind is not None and kind >= 254:
+                        timer, pause = _value_at(times, from_s, to_s), _value_at(pauses, from_s, to_s)
+                        found += _by_event(bus, pdo, (timer or 0) * 1e-3, (pause or 0) * 1e-4)
+    return _judged(found)
+
+
+class _Pdo(NamedTuple):
+    """Frames of a transmit PDO while its settings hold and the node is Operational."""
+
+    name: str
+    frames: list[Sent]
+    begin_s: float
+    end_s: float
+
+
+def _cyclic(bus: BusView, pdo: _Pdo, syncs: list[float], kind: int) -> Found:
+    """Return what is wrong with a PDO that comes with every n-th SYNC: not more and not less often."""
+    name, frames, begin_s, end_s = pdo
+    found: Found = []
+    last: int | None = None
+    for one in frames:
+        at = bisect_right(syncs, one.time_s) - 1
+        if at < 0:
+            found.append((one.time_s, f"{name} comes without a SYNC"))
+            continue
+        wrong = last is not None and at - last != kind
+        found.append(
+            (one.time_s, f"{name} comes after {at - (last or 0)} SYNCs, {kind} are set" if wrong else "")
+        )
+        last = at
+    behind = bisect_left(syncs, end_s - bus.settle_s) - 1
+    first = bisect_left(syncs, begin_s)
+    missed = behind - (last if last is not None else first - 1)
+    if missed > kind:
+        found.append((syncs[behind], f"{name} does not come with {missed} SYNCs, {kind} are set"))
+    return found
+
+
+def _by_event(bus: BusView, pdo: _Pdo, timer_s: float, pause_s: float) -> Found:
+    """Return what is wrong with an event-driven PDO: sooner than its inhibit time, later than its timer."""
+    name, frames, begin_s, end_s = pdo
+    found: Found = []
+    waits_s = 3 * bus.frame_s
+    for one, other in itertools.pairwise(frames):
+        gap_s = other.time_s - one.time_s
+        if pause_s and gap_s < pause_s - waits_s:
+            found.append(
+                (
+                    other.time_s,
+                    f"{name} comes after {1000 * gap_s:.2f} ms, its inhibit time is {1000 * pause_s:.1f} ms",
+                )
+            )
+        elif timer_s > pause_s and gap_s > timer_s + waits_s:
+            found.append(
+                (
+                    other.time_s,
+                    f"{name} comes after {1000 * gap_s:.2f} ms, its event timer is {1000 * timer_s:.0f} ms",
+                )
+            )
+        else:
+            found.append((other.time_s, ""))
+    if timer_s > pause_s:
+        last_s = frames[-1].time_s if frames else begin_s
+        if end_s - last_s > timer_s + waits_s:
+            found.append(
+                (last_s + timer_s, f"{name} does not come, its event timer is {1000 * timer_s:.0f} ms")
+            )
+    return found
+
+
+TPDO: Final = Rule(
+    name="transmit PDOs",
+    says="a PDO has the length of its mapping, comes with every n-th SYNC of its type, keeps event timer and "
+    "inhibit time",
+    requirements=("C301-039", "C301-047", "C301-048", "C301-051"),
+    tolerance="three frames; settings as written by SDO in the trace",
+    judge=_tpdos,
+    excused_by=_DISTURBED,
+    recovery_s=_RECOVERY_S,
+)
+
+BUS_RULES: Final[tuple[Rule[BusView], ...]] = (
+    SDO,
+    NMT_STATE,
+    SILENT,
+    BOOT_UP,
+    HEARTBEAT,
+    CONSUMER,
+    GUARDING,
+    EMCY,
+    TPDO,
+)

@@ -1,0 +1,150 @@
+"""What rules of a bus look at: the frames of one CAN bus by identifier, and what they say of its nodes."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from functools import cached_property
+from typing import Final, NamedTuple
+
+from hil.expect.rules._definition import Excuses
+from hil.expect.rules._views import TraceView
+
+NODES: Final = range(1, 128)
+START, STOP, PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 1, 2, 128, 129, 130
+OPERATIONAL, STOPPED, PREPARED, STARTING = 5, 4, 127, 0
+_LONGEST_BITS: Final = 160
+"""Of a frame with eight bytes, 29 bits of identifier and stuff bits."""
+_SLOWEST: Final = 125_000
+"""Bit rate where the trace does not tell it, bit/s."""
+_ACTS_S: Final = 1.5e-3
+"""Time of a node to act on a frame, and frames that wait in front of its own."""
+
+
+class Sent(NamedTuple):
+    """A frame: when it ended, and what it carried."""
+
+    time_s: float
+    data: bytes
+
+
+class State(NamedTuple):
+    """An NMT state that a node has been told to take."""
+
+    begin_s: float
+    state: int
+    commanded: bool
+    """By an NMT command; else it has told so itself by its boot-up."""
+
+
+class BusView:
+    """A CAN bus.
+
+    Args:
+        whole: The trace.
+        name: Of the bus.
+
+    """
+
+    def __init__(self, whole: TraceView, name: str) -> None:
+        self.whole = whole
+        self.name = name
+        self._of: dict[int, list[Sent]] = {}
+
+    @cached_property
+    def bitrate(self) -> float | None:
+        """Bit rate, bit/s; None: the trace does not tell it."""
+        return self.whole.numbers.get(f"{self.name}.bitrate")
+
+    @cached_property
+    def frame_s(self) -> float:
+        """Duration of the longest frame, s."""
+        return _LONGEST_BITS / (self.bitrate or _SLOWEST)
+
+    @cached_property
+    def settle_s(self) -> float:
+        """Within so long a node has followed a command, s."""
+        return _ACTS_S + 6 * self.frame_s
+
+    @cached_property
+    def excuses(self) -> Excuses:
+        """All faults of the trace."""
+        return self.whole.excuses((*self.whole.axes, *self.whole.drives))
+
+    def sent(self, can_id: int) -> list[Sent]:
+        """Return the data frames of an identifier."""
+        found = self._of.get(can_id)
+        if found is None:
+            frames = self.whole.frames.of(self.name, can_id)
+            found = self._of[can_id] = [Sent(*one) for one in frames.each()]
+        return found
+
+    @cached_property
+    def end_s(self) -> float:
+        """End of the trace, s."""
+        return self.whole.trace.end_ns * 1e-9
+
+    def asked(self, can_id: int) -> list[float]:
+        """Return when remote frames of an identifier have ended, s."""
+        return self.whole.frames.remotes(self.name, can_id)
+
+    @cached_property
+    def nodes(self) -> list[int]:
+        """Nodes that have announced themselves by a boot-up, or answer to SDOs."""
+        known = self.whole.frames.identifiers(self.name)
+        return [
+            node
+            for node in NODES
+            if 0x580 + node in known or any(one.data == b"\0" for one in self._alive(node, known))
+        ]
+
+    def _alive(self, node: int, known: frozenset[int]) -> list[Sent]:
+        return self.sent(0x700 + node) if 0x700 + node in known else []
+
+    def alone(self, node: int, can_id: int) -> bool:
+        """Return whether an identifier is that of a node alone: nobody else has sent with it."""
+        frames = self.whole.frames
+        owners = frames.senders(self.name, 0x700 + node) or frames.senders(self.name, 0x580 + node)
+        return len(owners) == 1 and frames.senders(self.name, can_id) <= owners
+
+    def states(self, node: int) -> list[State]:
+        """Return the states of a node as commands and boot-ups have it, by time."""
+        found = []
+        for when, data in self.sent(0):
+            if len(data) == 2 and data[1] in (0, node):
+                state = {START: OPERATIONAL, STOP: STOPPED, PRE_OPERATIONAL: PREPARED}.get(data[0])
+                if state is None and data[0] in (RESET_NODE, RESET_COMMUNICATION):
+                    state = STARTING
+                if state is not None:
+                    found.append(State(when, state, commanded=True))
+        orders = [(one.begin_s, one.state) for one in sorted(found)]
+        answers = [one.time_s for one in self.sent(0x580 + node)]
+        for when, data in self.sent(0x700 + node):
+            if data != b"\0":
+                continue
+            at = bisect_right(orders, (when, STARTING)) - 1
+            told_s, state = orders[at] if at >= 0 else (-1.0, PREPARED)
+            # A boot-up that has waited for the bus is no restart of a node that has answered since.
+            late = state != STARTING and (when - told_s < self.settle_s or self._just(answers, when))
+            if not late:
+                found.append(State(when, PREPARED, commanded=False))
+        return sorted(found)
+
+    def _just(self, times: list[float], when: float) -> bool:
+        """Return whether one of some times is just before another."""
+        at = bisect_right(times, when) - 1
+        return at >= 0 and when - times[at] < self.settle_s
+
+    def state_at(self, states: list[State], time_s: float) -> State | None:
+        """Return the state that a node has at a time for sure; None: it has just been told another, or
+        nothing is known.
+        """
+        at = bisect_right(states, time_s, key=lambda one: one.begin_s) - 1
+        if at < 0 or time_s - states[at].begin_s < self.settle_s:
+            return None
+        return states[at]
+
+
+def between(frames: list[Sent], begin_s: float, end_s: float) -> list[Sent]:
+    """Return the frames behind one time and before another."""
+    first = bisect_right(frames, begin_s, key=lambda one: one.time_s)
+    return frames[first : bisect_left(frames, end_s, key=lambda one: one.time_s)]
