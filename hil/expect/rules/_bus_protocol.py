@@ -228,7 +228,7 @@ def settings(bus: BusView, node: int, index: int, sub: int) -> list[Setting]:
 
 def _wrong_periods(bus: BusView, frames: list[Sent], period_s: float, who: str) -> Found:
     """Return the distances of frames that are to come in a period."""
-    most = max(3 * bus.frame_s, 0.02 * period_s if bus.whole.trace.from_log else 0.0)
+    most = max(6 * bus.frame_s, 0.02 * period_s if bus.whole.trace.from_log else 0.0)
     found: Found = []
     for one, other in itertools.pairwise(frames):
         off = other.time_s - one.time_s - period_s
@@ -255,7 +255,7 @@ def _heartbeats(bus: BusView) -> Judged | None:
             found += _wrong_periods(bus, [Sent(begin_s, b""), *some], period_s, f"heartbeat of node {node}")
             due_s = (some[-1].time_s if some else begin_s) + period_s
             if end_s == bus.end_s or any(one.begin_s == end_s and one.commanded for one in bus.states(node)):
-                ended = end_s > due_s + 3 * bus.frame_s
+                ended = end_s > due_s + 6 * bus.frame_s
                 found.append((due_s, f"heartbeats of node {node} end" if ended else ""))
     return _judged(found)
 
@@ -264,7 +264,7 @@ HEARTBEAT: Final = Rule(
     name="heartbeat time",
     says="the heartbeats of a node come in the time that was written to its 1017h, with 0 none",
     requirements=("C301-023",),
-    tolerance="three frames",
+    tolerance="six frames",
     judge=_heartbeats,
     excused_by=_DISTURBED,
     recovery_s=_RECOVERY_S,

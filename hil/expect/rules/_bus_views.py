@@ -89,12 +89,20 @@ class BusView:
 
     @cached_property
     def nodes(self) -> list[int]:
-        """Nodes that have announced themselves by a boot-up, or answer to SDOs."""
+        """Nodes of the bench file, those that have announced themselves by a boot-up, and in a log those that
+        answer to SDOs.
+        """
         known = self.whole.frames.identifiers(self.name)
+        noted = {
+            int(value) for key, value in self.whole.numbers.items() if key.endswith(f".node.{self.name}")
+        }
+        log = self.whole.trace.from_log
         return [
             node
             for node in NODES
-            if 0x580 + node in known or any(one.data == b"\0" for one in self._alive(node, known))
+            if node in noted
+            or (log and 0x580 + node in known)
+            or any(one.data == b"\0" for one in self._alive(node, known))
         ]
 
     def _alive(self, node: int, known: frozenset[int]) -> list[Sent]:
