@@ -184,7 +184,7 @@ def model(ctx: CaseContext, seed: int) -> None:
     """Whatever bits are wrong, and for whom: ends, receivers, counters and states are those of the model."""
     draw = random.Random(seed)
     comparison = Comparison(ctx)
-    for number in range(30):
+    for number in range(15):
         nodes = drawn_nodes(draw)
         names = [node["name"] for node in nodes]
         flips = {}
@@ -195,7 +195,7 @@ def model(ctx: CaseContext, seed: int) -> None:
             f"traffic {number} with wrong bits {flips}",
             differences(ctx, lambda nodes=nodes: [_can_model.Node(**node) for node in nodes], flips),
         )
-    comparison.expect(10, *RULES)
+    comparison.expect(5, *RULES)
 
 
 SHORT: Final = CanFrame(0x0F1, b"\x12")
@@ -330,7 +330,7 @@ def _step(draw: random.Random, names: str, *, fd: bool) -> tuple[str, Callable[[
 
 @CAMPAIGN.product(
     "ways/{kind}-{seed}",
-    parameters={"kind": ("classical", "fd"), "seed": (1, 2, 3)},
+    parameters={"kind": ("classical", "fd"), "seed": (1, 2)},
     title="whole frames and single bits come to the same, {kind}, seed {seed}",
     requirements=("CANP-027", "CANP-030", "CANP-031", "CANP-042", "CANP-051"),
 )
