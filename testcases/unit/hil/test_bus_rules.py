@@ -15,6 +15,7 @@ from hil.record import Trace
 from reports.model import Verdict
 
 REMOTE: Final = "remote"
+BOOT: Final = "1 703 00\n"
 
 
 def _trace(text: str) -> Trace:
@@ -97,9 +98,9 @@ def test_an_answer_with_a_wrong_byte_breaks_the_dialogue(name: str, subtests: py
     """Sound dialogues pass; of every answer each byte that the standard fixes may not be another, no answer
     may be left out of the middle, and none may come twice.
     """
-    text = DIALOGUES[name]
+    text = BOOT + DIALOGUES[name].strip()
     assert _broken(_trace(text)) == {}
-    lines = text.strip().splitlines()
+    lines = text.splitlines()
     for place, line in enumerate(lines):
         time, can_id, *data = line.split()
         if can_id != "583":
@@ -135,7 +136,6 @@ def _free_bytes(payload: bytes) -> set[int]:
     return {1} if command in (0x1D, 0x82) else set()
 
 
-BOOT: Final = "1 703 00\n"
 BEATS: Final = "10 603 2B 17 10 00 14 00 00 00\n11 583 60 17 10 00 00 00 00 00\n"
 MAPPED: Final = """
 2 603 23 00 18 01 83 01 00 00
