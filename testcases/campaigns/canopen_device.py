@@ -5,6 +5,9 @@ LSS bit rates, storage.
 
 from __future__ import annotations
 
+import random
+from binascii import crc_hqx
+from collections.abc import Generator
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -23,6 +26,8 @@ from testcases.campaigns._led_servo import Node
 from testcases.campaigns._small_drive import eds_text
 from testcases.campaigns.can_bus import Segment
 from testcases.campaigns.canopen_services import LOAD, SAVE, clauses
+from testcases.campaigns.canopen_services import head as sdo
+from testcases.campaigns.canopen_services import number as four
 from testcases.campaigns.support import equal
 
 CAMPAIGN: Final = Campaign(
@@ -130,6 +135,108 @@ def sizes(ctx: CaseContext, how: str, block: bool) -> None:
         for upload in (False, True):
             found = device.upload(DOMAIN, 0, block=upload)
             device.is_so(f"content read {'in blocks' if upload else ''}", found, content, "C301-066")
+
+
+OBJECTS: Final = ((DOMAIN, 0), (DOMAIN, 0), (0x1008, 0), (0x1018, 1), (0x1017, 0), (0x5FFF, 0))
+
+
+def _upload(index: int, sub: int) -> Generator[bytes, bytes, None]:
+    """Read in segments."""
+    answer = yield sdo(0x40, index, sub)
+    toggle = 0
+    while answer[:1] == b"\x41" or (toggle and answer and not answer[0] & 0xE1):
+        answer = yield bytes((0x60 | toggle << 4,))
+        toggle ^= 1
+        if not toggle and answer and not answer[0] & 0xE1:
+            answer = b"\x41"
+
+
+def _download(index: int, sub: int, content: bytes, size: int) -> Generator[bytes, bytes, None]:
+    """Write in segments, with a size that may be wrong."""
+    yield sdo(0x21, index, sub) + four(size)
+    for place in range(0, max(len(content), 1), 7):
+        part = content[place : place + 7]
+        last = place + 7 >= len(content)
+        yield bytes((place // 7 % 2 << 4 | (7 - len(part)) << 1 | last,)) + part
+
+
+def _upload_blocks(index: int, sub: int, block: int, draw: random.Random) -> Generator[bytes, bytes, None]:
+    """Read in blocks of which not every segment is acknowledged."""
+    answer = yield sdo(0xA4, index, sub) + bytes((block, draw.choice((0, 0, 40))))
+    request = b"\xa3"
+    for _ in range(12):
+        if not answer or answer[0] == 0x80 or answer[0] >> 5 == 2:
+            return
+        answer = yield request
+        if answer and answer[0] & 0xE3 == 0xC1:
+            yield b"\xa1"
+            return
+        last = answer[0] & 0x7F if answer else 0
+        block = draw.choice((1, 2, 127))
+        request = bytes((0xA2, draw.choice((last, last, max(last - 1, 0))), block))
+
+
+def _download_blocks(
+    index: int, sub: int, content: bytes, draw: random.Random
+) -> Generator[bytes, bytes, None]:
+    """Write in blocks, with a checksum that may be wrong."""
+    answer = yield sdo(0xC6, index, sub) + four(len(content))
+    if not answer or answer[0] == 0x80:
+        return
+    parts = [content[place : place + 7].ljust(7, b"\0") for place in range(0, len(content), 7)]
+    for place, part in enumerate(parts):
+        yield bytes((place + 1 | (place + 1 == len(parts)) << 7,)) + part
+    wrong = draw.choice((0, 0, 0, 1))
+    unused = -len(content) % 7
+    yield bytes((0xC1 | unused << 2,)) + (crc_hqx(content, 0) ^ wrong).to_bytes(2, "little")
+
+
+@CAMPAIGN.product(
+    "sdo/drawn-{seed}",
+    parameters={"seed": (1, 2, 3)},
+    title="drawn SDO requests, seed {seed}",
+    requirements=("C301-057", "C301-059", "C301-061", "C301-064", "C301-067", "C301-069", "C301-072"),
+)
+def drawn(ctx: CaseContext, seed: int) -> None:
+    """Transfers of every kind, broken off, mixed and with wrong bits: each answer fits its request, as the
+    rule of the SDO dialogue says, what was written is read, and a plain upload is answered at any time.
+    """
+    device = Device(ctx)
+    draw = random.Random(seed)
+    device.download(DOMAIN, 0, content_of(40))
+    for _ in range(40):
+        content = draw.randbytes(draw.choice((1, 4, 6, 7, 8, 14, 15, 21)))
+        index, sub = draw.choice(
+            ((DOMAIN, 0), (DOMAIN, 0), (0x1008, 0), (0x1018, 1), (0x1017, 0), (0x5FFF, 0))
+        )
+        flow = draw.choice(
+            (
+                _upload(index, sub),
+                _download(index, sub, content, len(content) + draw.choice((0, 0, 0, 1, -1))),
+                _upload_blocks(index, sub, draw.choice((0, 1, 2, 3, 127, 128)), draw),
+                _download_blocks(index, sub, content, draw),
+            )
+        )
+        answer: bytes | None = None
+        try:
+            while True:
+                request = bytearray((flow.send(answer) if answer is not None else next(flow)).ljust(8, b"\0"))
+                if draw.random() < 0.06:
+                    request[0] ^= 1 << draw.randrange(8)
+                device.taken(SERVER)
+                device.send(CLIENT, bytes(request))
+                ctx.run_for(0.006)
+                found = device.taken(SERVER)
+                answer = found[-1] if found else b""
+                if draw.random() < 0.03:
+                    break
+        except StopIteration:
+            pass
+    device.send(CLIENT, sdo(0x80, 0, 0) + four(0))
+    ctx.run_for(0.01)
+    for size in (3, 4, 30):
+        device.is_so("written", device.download(DOMAIN, 0, content_of(size)), 0, "C301-058")
+        device.is_so("read", device.upload(DOMAIN), content_of(size), "C301-060")
 
 
 @CAMPAIGN.product(

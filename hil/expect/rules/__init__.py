@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from hil.expect.rules import (
     _axis_words,
@@ -13,11 +13,13 @@ from hil.expect.rules import (
     _drive_motion,
     _drive_words,
     _kinematics,
+    _modbus_protocol,
     _places,
     _ramps,
 )
 from hil.expect.rules._bus_views import BusView
 from hil.expect.rules._definition import Findings, Rule
+from hil.expect.rules._modbus_protocol import ModbusView
 from hil.expect.rules._pieces import pieces
 from hil.expect.rules._views import AxisView, DriveView, TraceView
 
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
     from hil.record import Trace
     from reports.model import Check
 
-__all__ = ["ALL_RULES", "AXIS_RULES", "BUS_RULES", "DRIVE_RULES", "Rule", "judge"]
+__all__ = ["ALL_RULES", "AXIS_RULES", "BUS_RULES", "DRIVE_RULES", "MODBUS_RULES", "Rule", "judge"]
 
 AXIS_RULES: Final[tuple[Rule[AxisView], ...]] = (
     *_kinematics.AXIS_RULES,
@@ -42,7 +44,8 @@ DRIVE_RULES: Final[tuple[Rule[DriveView], ...]] = (
     *_causes.DRIVE_RULES,
 )
 BUS_RULES: Final[tuple[Rule[BusView], ...]] = _bus_protocol.BUS_RULES
-ALL_RULES: Final[tuple[Rule[Any], ...]] = (*AXIS_RULES, *DRIVE_RULES, *BUS_RULES)
+MODBUS_RULES: Final[tuple[Rule[ModbusView], ...]] = _modbus_protocol.MODBUS_RULES
+ALL_RULES: Final[tuple[Rule[Any], ...]] = (*AXIS_RULES, *DRIVE_RULES, *BUS_RULES, *MODBUS_RULES)
 """All of them; a check is called by the name of its rule, with the component behind it."""
 
 
@@ -57,30 +60,40 @@ def judge(trace: Trace, *, longest: int | None = None) -> list[Check]:
     cycle by cycle is not of the same instant there; the others judge (`Rule.live`).
     """
     live = trace.from_log or bool(trace.constants.get("bench.live"))
-    axes = Findings([rule for rule in AXIS_RULES if rule.live or not live])
-    drives = Findings([rule for rule in DRIVE_RULES if rule.live or not live])
-    buses = Findings([rule for rule in BUS_RULES if rule.live or not live])
+    found = _Found(
+        Findings([rule for rule in AXIS_RULES if rule.live or not live]),
+        Findings([rule for rule in DRIVE_RULES if rule.live or not live]),
+        Findings([rule for rule in BUS_RULES if rule.live or not live]),
+        Findings([rule for rule in MODBUS_RULES if rule.live or not live]),
+    )
     for part, span_s in pieces(trace, longest=longest):
-        _look(part, span_s, axes, drives, buses)
+        _look(part, span_s, found)
         if span_s is not None:
             gc.collect()  # a view and its components know each other, and a case runs without collecting
-    return [*axes.checks(), *drives.checks(), *buses.checks()]
+    return [check for findings in found for check in findings.checks()]
 
 
-def _look(
-    part: Trace,
-    span_s: tuple[float, float] | None,
-    axes: Findings[AxisView],
-    drives: Findings[DriveView],
-    buses: Findings[BusView],
-) -> None:
+class _Found(NamedTuple):
+    """What was found on each kind of component."""
+
+    axes: Findings[AxisView]
+    drives: Findings[DriveView]
+    buses: Findings[BusView]
+    links: Findings[ModbusView]
+
+
+def _look(part: Trace, span_s: tuple[float, float] | None, found: _Found) -> None:
     """Judge a piece of a trace."""
     view = TraceView(part)
     if not part.from_log:
         for axis in view.axes.values():
-            axes.look(axis.name, axis, axis.excuses, cycle_s=view.cycle_s, span_s=span_s)
+            found.axes.look(axis.name, axis, axis.excuses, cycle_s=view.cycle_s, span_s=span_s)
         for drive in view.drives.values():
-            drives.look(drive.name, drive, drive.excuses, cycle_s=view.cycle_s, span_s=span_s)
+            found.drives.look(drive.name, drive, drive.excuses, cycle_s=view.cycle_s, span_s=span_s)
     for name in part.can_buses:
         bus = BusView(view, name)
-        buses.look(name, bus, bus.excuses, cycle_s=view.cycle_s, span_s=span_s)
+        found.buses.look(name, bus, bus.excuses, cycle_s=view.cycle_s, span_s=span_s)
+    for name in part.buses:
+        if name not in part.can_buses:
+            link = ModbusView(view, name)
+            found.links.look(name, link, link.excuses, cycle_s=view.cycle_s, span_s=span_s)

@@ -249,8 +249,9 @@ class Dialogue:
 
     def _aborted(self, data: bytes, waits: str, abort: int | None) -> str:
         code, what, of = _number(data[4:]), self._what, data[1:4]
-        # A server that has lost the transfer may name nothing.
-        ours = of == self._object or (of == bytes(3) and (waits == "abort" or not waits))
+        # A server that has lost the transfer may name nothing; what it names without one is its own business.
+        ours = not self._object or of == self._object or abort == COMMAND_UNKNOWN
+        ours = ours or (of == bytes(3) and (waits == "abort" or not waits))
         wrong = "" if ours else f"abort of {of.hex(' ')} in place of {self._object.hex(' ')}"
         self._begin("", bytes(1) + self._object)
         if not waits:

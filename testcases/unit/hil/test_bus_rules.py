@@ -10,7 +10,9 @@ from typing import Final
 import pytest
 
 from fieldbus.can import CanFrame
-from hil.expect.rules import BUS_RULES, judge
+from fieldbus.modbus import rtu_frame
+from fieldbus.modbus.bus_log import ModbusFrame
+from hil.expect.rules import BUS_RULES, MODBUS_RULES, judge
 from hil.record import Trace
 from reports.model import Verdict
 
@@ -122,7 +124,7 @@ def _free_bytes(payload: bytes) -> set[int]:
     """Return the bytes of an answer that no rule can know: values, sizes, texts, block sizes."""
     command = payload[0]
     if command == 0x80:
-        return {4, 5, 6, 7} if payload[4:] == b"\0\0\2\6" else set()
+        return {b"\0\0\2\6": {4, 5, 6, 7}, b"\1\0\4\5": {1, 2, 3}}.get(payload[4:], set())
     if command & 0xE3 == 0x43:
         return set(range(4, 8 - (command >> 2 & 3)))
     if command & 0xFB == 0xA0:
@@ -243,3 +245,48 @@ def test_every_rule_of_the_bus_notices_what_it_forbids(subtests: pytest.Subtests
         for text, words in wrong.items():
             with subtests.test(name, words=words):
                 assert words in _broken(_trace(text)).get(name, "nothing")
+
+
+REQUESTS: Final = {
+    "01 000A 0009": (
+        "01 02 24 01",
+        ("01 02 24 03", "01 01 24", "01 03 24 01 00", "02 02 24 01", "81 09"),
+    ),
+    "03 000A 0002": ("03 04 100A 100B", ("03 04 100A", "03 02 100A 100B", "04 04 100A 100B", "83 00")),
+    "06 000A ABCD": ("06 000A ABCD", ("06 000B ABCD", "06 000A ABCE", "06 000A")),
+    "10 000A 0001 02 ABCD": ("10 000A 0001", ("10 000A 0002", "10 000A 0001 02")),
+    "16 000A 00F2 0025": ("16 000A 00F2 0025", ("16 000A 00F2 0024",)),
+    "08 0000 A537": ("08 0000 A537", ("08 0001 A537",)),
+    "2B 0E 01 00": ("2B 0E 01 01 00 00 00", ("2B 0D 01 01 00 00 00",)),
+    "03 000A 007E": ("83 03", ("03 FC" + 126 * "0000",)),
+    "00": ("", ("03 02 0001",)),
+}
+"""Requests, right responses and wrong ones."""
+
+
+def _link(asked: str, answer: str, *, spoil: bool = False, protocol: str = "modbus_rtu") -> Trace:
+    pdu = bytes.fromhex(answer)
+    if protocol == "modbus_tcp":
+        data = b"\0\7\0\0" + (len(pdu) + 1 + spoil).to_bytes(2, "big") + b"\5" + pdu
+    else:
+        data = rtu_frame(5, pdu)
+        data = data[:-1] + bytes((data[-1] ^ spoil,))
+    frame = ModbusFrame(protocol, data, bytes.fromhex(asked))
+    return Trace([], events=[], frames={"net0": [(1_000_000, "drive1", frame, "")]}, end_ns=2_000_000)
+
+
+def test_the_rule_of_modbus_notices_what_it_forbids(subtests: pytest.Subtests) -> None:
+    """A response that fits passes on a line and over TCP; each wrong one, CRC and header break the rule."""
+    (rule,) = MODBUS_RULES
+
+    def broken(trace: Trace) -> bool:
+        return any(
+            check.name.startswith(rule.name) and check.verdict is not Verdict.PASSED for check in judge(trace)
+        )
+
+    for asked, (right, wrong) in REQUESTS.items():
+        for protocol in ("modbus_rtu", "modbus_tcp"):
+            with subtests.test(asked, protocol=protocol):
+                assert not right or not broken(_link(asked, right, protocol=protocol))
+                assert not right or broken(_link(asked, right, protocol=protocol, spoil=True))
+                assert [text for text in wrong if not broken(_link(asked, text, protocol=protocol))] == []
