@@ -128,16 +128,6 @@ def _fault(ctx: CaseContext, axis: Any, values: Own) -> None:
     ctx.wait_until(axis.power_instance.status, 5.0, "the axis is enabled again")
 
 
-def _bus(ctx: CaseContext, axis: Any, values: Own) -> None:
-    """A drive that is off the bus for a time, acknowledged."""
-    axis.move_velocity(values.given(values.speed(0.3)))
-    ctx.run_for(0.4)
-    ctx.inject("drive.silence", drive_name(ctx), duration_s=0.4)
-    ctx.run_for(2.0)
-    ctx.wait_until(axis.reset().done, 5.0, "the loss is acknowledged")
-    ctx.wait_until(axis.power_instance.status, 5.0, "the axis is enabled again")
-
-
 def _homing(ctx: CaseContext, axis: Any, _: Own) -> None:
     """The position is set."""
     ctx.wait_until(axis.home(5.0).done, 5.0, "the axis is homed")
