@@ -166,7 +166,9 @@ class _Rows:
             return int(np.count_nonzero(here)), found  # setpoints of the servo lie between those of the job
         if not by_velocity:
             shown = self._setpoint[part]
-            off = free & (np.abs(shown - y) > near)
+            # At the end of a simulation the axis is synchronous again and follows from the next cycle on.
+            following = free & np.concatenate(([False], here[:-1]))
+            off = following & (np.abs(shown - y) > near)
             found += _first(times, off, lambda i: f"setpoint {shown[i]:.6g} {unit}, function {y[i]:.6g}")
         rate, speed = slope * self._leading_speed[part], self._speed[part]
         off = free & (np.abs(speed - rate) > _SHARE * np.maximum(1.0, np.abs(rate)))

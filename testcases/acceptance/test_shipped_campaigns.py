@@ -79,6 +79,8 @@ from testcases.campaigns import (
     pulse_module,
     repeated,
     stop_modes,
+    synchronising,
+    synchronous_jobs,
     telegram_faults,
 )
 
@@ -255,6 +257,9 @@ def bench_file(name):
         *few("testcases.campaigns.nc_drives:HOIST", [nc_drives.OF_HOIST]),
         *few("synchronous", [gearing.CAMPAIGN, camming.CAMPAIGN, leading_values.CAMPAIGN]),
         *few("testcases.campaigns.gearing:ROUND", [gearing.TURNING]),
+        *few("testcases.campaigns.synchronising:OPEN", [synchronising.CAMPAIGN]),
+        *few("testcases.campaigns.synchronising:ROUND", [synchronising.TURNING]),
+        *few("testcases.campaigns.synchronous_jobs:WITH_LINE", [synchronous_jobs.CAMPAIGN]),
         *few("testcases.campaigns.leading_values:ACTUAL", [leading_values.COUPLINGS]),
         *few("testcases.campaigns.leading_values:MODULO", [leading_values.RANGES]),
         *few("testcases.campaigns.leading_values:ACROSS", [leading_values.PROXIES]),

@@ -153,7 +153,9 @@ def violation(instance: Any, calls: Sequence[Call]) -> tuple[str, str] | None:
     before = Call(False, False, None, False, False, False, 0, False)
     for number, call in enumerate(calls, 1):
         wrong = _alone(call) or (
-            _of_a_level(before, call) if "Execute" not in instance.inputs else _of_an_edge(before, call)
+            _of_an_edge(before, call)
+            if "Execute" in instance.inputs
+            else _of_a_level(before, call, told=hasattr(instance, "CommandAborted"))
         )
         if wrong:
             identifier, text = wrong
@@ -196,8 +198,10 @@ def _of_an_edge(before: Call, call: Call) -> tuple[str, str] | None:
     return ("MC-052", "outputs without an edge") if shows else None
 
 
-def _of_a_level(before: Call, call: Call) -> tuple[str, str] | None:
-    """Judge a call of an instruction with `Enable` or jog inputs by the one before."""
+def _of_a_level(before: Call, call: Call, *, told: bool) -> tuple[str, str] | None:
+    """Judge a call of an instruction with `Enable` or jog inputs by the one before; `told`: it has an output
+    that tells when another job has ended it, else `Busy` just falls.
+    """
     shows = call.busy or call.ended
     if call.level and not before.level:
         return None if shows else ("MC-082", "a level without Busy or an end")
@@ -206,6 +210,6 @@ def _of_a_level(before: Call, call: Call) -> tuple[str, str] | None:
         return None if same else ("MC-085", "an error or abort is not held while the input is TRUE")
     if before.ended or not (before.busy or before.level):
         return ("MC-083", "outputs stay without the input") if shows and not call.level else None
-    if call.level and not shows:
+    if call.level and not shows and told:
         return "MC-082", "nothing is shown while the input is TRUE"
     return None

@@ -83,6 +83,7 @@ def _arrival(axis: AxisView) -> Judged | None:
     elsewhere = _elsewhere(axis) | axis.gaps
     elsewhere[0] = False
     moving = axis["velocity_setpoint"] != 0.0
+    taken_over = {entry.time_ns for entry in axis.whole.events.of(axis.name, "job.active")}
     alarms = {
         entry.time_ns: int(entry.data.get("info") or 0)
         for entry in axis.whole.events.of(axis.name, "alarm.raised")
@@ -94,21 +95,30 @@ def _arrival(axis: AxisView) -> Judged | None:
             continue
         if span.begun.data.get("instruction") == "MC_Halt" and not moving[span.first]:
             continue  # there is nothing to brake, and no supervision (MC-232)
-        text = _judge_arrival(axis, span, moving, monitoring, alarms)
+        # In the cycle of its end the setpoint may be that of the next job: MC_Stop begins with the actual
+        # velocity.
+        alone = span.end is None or span.end.time_ns not in taken_over
+        text = _judge_arrival(axis, span, moving, monitoring, alarms, alone=alone)
         if text is not None:
             found.append((axis.time_s[min(span.behind, len(axis.time_s) - 1)], text))
     return Judged.of_list(found) if found else None
 
 
 def _judge_arrival(
-    axis: AxisView, span: _Span, moving: Flags, monitoring: _Monitoring, alarms: dict[int, int]
+    axis: AxisView,
+    span: _Span,
+    moving: Flags,
+    monitoring: _Monitoring,
+    alarms: dict[int, int],
+    *,
+    alone: bool,
 ) -> str | None:
     """Return how the end of a job differs from what positioning monitoring makes of it; empty: not at all,
     None: nothing can be said.
     """
     window, dwell, tolerance = monitoring
     first, behind = span.first, min(span.behind, len(axis.time_s) - 1)
-    travelled = np.flatnonzero(moving[first : behind + 1])
+    travelled = np.flatnonzero(moving[first : behind + alone])
     if not len(travelled):
         return None
     rest = first + int(travelled[-1]) + 1
