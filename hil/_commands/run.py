@@ -104,9 +104,9 @@ def selected(request: RunRequest) -> list[Selected]:
             references(one for one in SHIPPED if one.demo) if request.demo else request.paths
         )
         cases = select_cases(found, pattern=request.select, tags=request.tags)
+        cases = on_controllers(cases, request)
         if request.configurations:
             cases = on_configurations(cases, request)
-        cases = on_controllers(cases, request)
     if not request.last_failed or request.resume:
         return cases
     wanted = failed_before(request.report)
@@ -142,10 +142,10 @@ def on_controllers(cases: list[Selected], request: RunRequest) -> list[Selected]
         if not request.bench or make_of(load_bench_file(request.bench)) != "nc":
             return cases
         controllers = ("nc",)
-    if request.configurations:
+    if request.configurations and len(controllers) > 1:
         raise CannotRunError(
-            "--controllers and --configurations do not go together: configurations are machines with "
-            "technology objects"
+            "--configurations with --controllers takes one make at a time: each draws machines that it can "
+            "have"
         )
     if "s7" in controllers and request.bench and make_of(load_bench_file(request.bench)) == "nc":
         raise CannotRunError(

@@ -34,6 +34,8 @@ SAME: Final[Mapping[str, tuple[str, ...]]] = {
     "DynamicDefaults.Acceleration": ("axis.default_acceleration",),
     "DynamicDefaults.Deceleration": ("axis.default_deceleration",),
     "DynamicDefaults.Jerk": ("axis.default_jerk",),
+    "Actor.InverseDirection": ("drv.invert_motor_polarity",),
+    "Sensor[1].InverseDirection": ("enc.invert_counting_direction",),
     "PositionControl.Kv": ("ctrl.pos_kv",),
     "PositioningMonitoring.Window": ("axis.target_position_window",),
     "PositioningMonitoring.MinDwellTime": ("axis.target_position_monitoring_time",),
@@ -45,6 +47,9 @@ SAME: Final[Mapping[str, tuple[str, ...]]] = {
     "PositionLimits_SW.MaxPosition": ("axis.soft_limit_max",),
 }
 """Variable of a technology object -> parameters of an NC axis that mean the same."""
+_FASTEST: Final = "axis.maximum_velocity"
+_TURN: Final = 360.0
+"""Way of a revolution of a rotary axis, deg."""
 ALWAYS: Final[Mapping[str, Any]] = {"axis.in_target_alarm": True}
 """Parameters that stand for what a technology object always does: it watches that its target is reached."""
 
@@ -110,9 +115,19 @@ def _nc_axis(where: str, table: dict[str, Any]) -> dict[str, Any]:
         return variables[path] if factor == 1.0 else variables[path] / factor
 
     parameters = {key: own(path) for path, keys in SAME.items() if path in variables for key in keys}
-    if length in ANGLES:
+    rotary = length in ANGLES or variables.get("Properties.MotionType") == 1
+    if rotary:
         parameters["axis.unit"] = "deg"
-    result = {"controller": "nc", "drive": table["drive"], "parameters": {**ALWAYS, **parameters}}
-    if "Mechanics.LeadScrew" in variables:
-        result["feed"] = own("Mechanics.LeadScrew")
+    if variables.get("Modulo.Enable"):
+        parameters["enc.modulo_factor"] = own("Modulo.Length")
+    parameters |= ALWAYS
+    result = {"controller": "nc", "drive": table["drive"], "parameters": parameters}
+    gear = variables.get("LoadGear.Denominator", 1) / variables.get("LoadGear.Numerator", 1)
+    if rotary:
+        result["feed"] = _TURN * gear
+    elif "Mechanics.LeadScrew" in variables:
+        result["feed"] = own("Mechanics.LeadScrew") * gear
+    if "feed" in result and (scale is not MILLIMETRES or gear != 1) and _FASTEST in parameters:
+        # Units and gears leave a rounding, and no axis may be faster than its drive.
+        parameters[_FASTEST] *= 1.0 - 1e-9
     return result

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import ConfigurationError
+from hil.bench.makes import NC_BENCH
 from hil.campaign._controllers import CONTROLLERS, Counterpart, NotApplicable, Rule
 from hil.configurations.factors import CONFIGURATION
 from hil.configurations.needs import ANY, Needs
@@ -68,6 +69,8 @@ class Case:
     """Make of the controller that the user asked for, one of `CONTROLLERS`; empty: that of the bench."""
     refusal: str = ""
     """Why it cannot run on that make; empty: it can."""
+    own_numbers: bool = False
+    """Its numbers are those of its bench, so that it runs on no configuration."""
 
     def on(self, configuration: str) -> Case:
         """Return the case as it runs on a configuration.
@@ -76,10 +79,11 @@ class Case:
             configuration: Name of a configuration.
 
         """
+        make = NC_BENCH if self.bench.startswith(NC_BENCH) else ""
         return replace(
             self,
             identifier=f"{self.identifier}{ON}{configuration}",
-            bench=f"{CONFIGURATION}{configuration}",
+            bench=f"{make}{CONFIGURATION}{configuration}",
         )
 
     def call(self, context: CaseContext) -> None:
@@ -137,11 +141,11 @@ class Campaign:
         return tuple(self._cases.values())
 
     def __getitem__(self, identifier: str) -> Case:
-        name, _, where = identifier.partition(ON)
+        name, *places = identifier.split(ON)
         case = self._cases[name]
-        if where in CONTROLLERS:
-            return self.on_controller(case, where)
-        return case.on(where) if where else case
+        for where in places:
+            case = self.on_controller(case, where) if where in CONTROLLERS else case.on(where)
+        return case
 
     def __contains__(self, identifier: object) -> bool:
         return isinstance(identifier, str) and identifier.partition(ON)[0] in self._cases
@@ -194,6 +198,8 @@ class Campaign:
                 requirements=found.requirements,
                 title=found.title or case.title,
                 without=(),
+                needs=case.needs & Needs.of(found.needs or {}),
+                own_numbers=found.needs is None,
             )
         if isinstance(found, NotApplicable):
             return replace(there, requirements=(), refusal=f"not applicable to {what}: {found.reason}")

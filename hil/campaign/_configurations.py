@@ -37,10 +37,17 @@ def draw_configurations(cases: Sequence[Selected], *, seed: int, each: int | Non
 
     """
     groups: dict[str, list[Selected]] = {}
+    bound: Counter[str] = Counter()
     for item in cases:
-        groups.setdefault(item.case.group, []).append(item)
+        if item.case.own_numbers or item.case.refusal:
+            bound[item.case.group] += 1
+        else:
+            groups.setdefault(item.case.group, []).append(item)
     drawn: list[Selected] = []
-    lines: list[str] = []
+    lines = [
+        f"{group}: not planned: {count} cases whose numbers are those of their bench, or without a meaning"
+        for group, count in bound.items()
+    ]
     for group, items in groups.items():
         planned = plan([item.case.needs for item in items], seed=seed, each=each)
         drawn += _on(items, planned, seed)

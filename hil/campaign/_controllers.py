@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -24,6 +24,10 @@ class Counterpart:
     requirements: tuple[str, ...] = ()
     title: str = ""
     """What is tested; empty: the title of the case."""
+    needs: Mapping[str, str | Sequence[str]] | None = None
+    """What it needs of a configuration; None: its numbers are those of the bench of the case, so that it runs
+    on no configuration.
+    """
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,8 @@ class ShippedCampaign:
     """Whether `hil demo` runs it."""
     seeding: tuple[str, ...] = ()
     """Benches on which its cases judge seeded defects (`hil mutants`); `own`: the bench of each case;
-    `pairwise`: a configuration for each case; `nc`: the bench of each case with axes of an NC.
+    `pairwise`: a configuration for each case; `nc`: the bench of each case with axes of an NC; `nc-pairwise`:
+    a configuration for each case that has no numbers of its bench, with axes of an NC.
     """
 
     @property
@@ -53,7 +54,9 @@ _BOTH: Final = ("reference", "profidrive")
 _WITH_NC: Final = (*_BOTH, "nc")
 
 SHIPPED: Final = (
-    ShippedCampaign("stop_modes", demo=True, seeding=(*_WITH_NC, "analog", "stepper", "pairwise")),
+    ShippedCampaign(
+        "stop_modes", demo=True, seeding=(*_WITH_NC, "analog", "stepper", "pairwise", "nc-pairwise")
+    ),
     ShippedCampaign("fault_reactions", demo=True, seeding=_WITH_NC),
     ShippedCampaign("drive_faults", demo=True, seeding=_WITH_NC),
     ShippedCampaign("telegram_faults", demo=True, seeding=("profidrive", "nc")),

@@ -11,7 +11,7 @@ from itertools import zip_longest
 from typing import Final
 
 from hil.bench.makes import NC_BENCH
-from hil.campaign import SHIPPED, Found, find_campaigns, load_bench_file
+from hil.campaign import SHIPPED, Case, Found, find_campaigns, load_bench_file
 from hil.configurations import name_of, plan
 from hil.configurations.factors import CONFIGURATION
 from hil.errors import CannotRunError
@@ -20,6 +20,8 @@ from hil.protocols import kind_of
 
 PAIRWISE: Final = "pairwise"
 """In place of a bench: each case on one of the configurations that serve it."""
+NC_PAIRWISE: Final = "nc-pairwise"
+"""In place of a bench: each case on NC axes on one of the configurations that serve it."""
 NC: Final = "nc"
 """In place of a bench: each case on its bench with NC axes, as far as it has a meaning there."""
 _CONFIGURATIONS: Final = 2
@@ -85,7 +87,10 @@ def _shipped() -> Iterable[tuple[str, str]]:
 
 def _cases(found: Found, bench: str) -> Iterable[Judge]:
     if bench == PAIRWISE:
-        return _on_configurations(found)
+        return _on_configurations(found, found.campaign.cases)
+    if bench == NC_PAIRWISE:
+        made = (found.campaign.on_controller(case, NC) for case in found.campaign.cases)
+        return _on_configurations(found, [case for case in made if not (case.refusal or case.own_numbers)])
     if bench == NC:
         made = (found.campaign.on_controller(case, NC) for case in found.campaign.cases)
         return (
@@ -96,14 +101,14 @@ def _cases(found: Found, bench: str) -> Iterable[Judge]:
     return (Judge(case.identifier, found.reference, bench or case.bench) for case in found.campaign.cases)
 
 
-def _on_configurations(found: Found) -> Iterator[Judge]:
+def _on_configurations(found: Found, cases: Sequence[Case]) -> Iterator[Judge]:
     """Yield each case of a campaign on a configuration that serves it, as different ones as possible."""
-    cases = list(found.campaign.cases)
     planned = plan([case.needs for case in cases], seed=_CONFIGURATIONS, each=1)
     names = [name_of(row, _CONFIGURATIONS) for row in planned.rows]
     for case, numbers in zip(cases, planned.drawn, strict=True):
+        make = NC_BENCH if case.controller == NC else ""
         for number in numbers:
-            yield Judge(case.identifier, found.reference, f"{CONFIGURATION}{names[number]}")
+            yield Judge(case.identifier, found.reference, f"{make}{CONFIGURATION}{names[number]}")
 
 
 def modules_of(judges: Iterable[Judge]) -> list[str]:

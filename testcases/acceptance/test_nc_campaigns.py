@@ -10,6 +10,7 @@ import pytest
 
 from fieldbus.errors import ConfigurationError
 from hil.campaign import Campaign, CaseSettings, execute_case, load_bench_file
+from hil.mutants import find_judges
 from reports.model import Verdict
 from testcases.campaigns import (
     bus_log,
@@ -65,6 +66,18 @@ def test_case_passes_on_an_nc_axis(case):
         return  # as the case for technology objects on the same bench
     assert result.verdict is Verdict.PASSED, result.message
     assert result.controller == "nc"
+
+
+@pytest.mark.parametrize("part", range(2))
+def test_cases_pass_on_configurations_of_an_nc_axis(part):
+    """Cases without numbers of their bench pass on machines with gears, other units and turned directions."""
+    judges = find_judges(["testcases.campaigns.stop_modes@nc-pairwise"])
+    assert len(judges) >= 16
+    assert all(judge.bench.startswith("nc-axes:configuration:") for judge in judges)
+    for judge in judges[part :: 2 if WHOLE else 6]:
+        case = stop_modes.CAMPAIGN[judge.identifier]
+        result = execute_case(case, load_bench_file(judge.bench), CaseSettings(seed=1)).result
+        assert result.verdict is Verdict.PASSED, f"{judge.name}: {result.message}"
 
 
 def test_every_case_is_there_or_says_why_not():

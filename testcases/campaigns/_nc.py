@@ -25,8 +25,6 @@ from hil.record import EventSelector, event
 from motion.nc.handles import NcAxisHandle
 from testcases.campaigns._reactions import cycles, machine_at_rest
 from testcases.campaigns.support import (
-    ACCELERATION,
-    JERK,
     VELOCITY,
     can_segment,
     drive_name,
@@ -48,7 +46,18 @@ DATA_INVALID: Final = 0x4655
 INVALID_CYCLES: Final = 3
 """Cycles with invalid data that an axis bears (NC-427)."""
 APPLIED: Final = event("fault.applied")
-DYNAMICS: Final = {"Acceleration": ACCELERATION, "Deceleration": ACCELERATION, "Jerk": JERK}
+NC_NEEDS: Final[Mapping[str, str]] = {
+    "bus": "not modbus-rtu",
+    "feedback": "motor",
+    "encoder": "incremental",
+    "interpolator": "1",
+    "program": "1",
+    "dsc": "off",
+    "play": "not compensated",
+}
+"""Configurations that an NC axis can have as they are; on a serial line its loop needs longer to come to
+rest.
+"""
 SIGN: Final = {"positive": 1, "negative": -1}
 
 Options = Mapping[str, Any] | Callable[[CaseContext], Mapping[str, Any]]
@@ -75,17 +84,57 @@ def enable(ctx: CaseContext) -> Any:
     return power
 
 
-def bring_into(ctx: CaseContext, phase: str, *, direction: int = 1, velocity: float = VELOCITY) -> Any:
-    """Bring the enabled axis into a phase of motion at `velocity`; returns the running block, None at
-    standstill.
+class Numbers:
+    """Velocities and ways of an axis, shares of its limits.
+
+    Args:
+        ctx: The case.
+
     """
-    axis = axis_of(ctx)
+
+    def __init__(self, ctx: CaseContext) -> None:
+        read = axis_of(ctx).read_parameter
+        self.maximum = float(read("axis.maximum_velocity"))
+        """Greatest velocity, position unit/s."""
+        self.velocity = 0.6 * self.maximum
+        """Velocity at which stops begin."""
+        self.top = 0.8 * self.maximum
+        """A higher velocity."""
+        self.dynamics = {
+            "Acceleration": 0.5 * float(read("axis.maximum_acceleration")),
+            "Deceleration": 0.5 * float(read("axis.maximum_deceleration")),
+            "Jerk": 0.5 * float(read("axis.fast_jerk")),
+        }
+        """Inputs of motions."""
+        self.braking = {
+            "Deceleration": 0.8 * float(read("axis.maximum_deceleration")),
+            "Jerk": 0.8 * float(read("axis.fast_jerk")),
+        }
+        """Inputs of a stop."""
+
+    def way(self, share: float) -> float:
+        """Return a share of what the axis travels in a second at its greatest velocity."""
+        return share * self.maximum
+
+
+def step_back(ctx: CaseContext) -> Any:
+    """Start a short motion."""
+    own = Numbers(ctx)
+    return axis_of(ctx).move_relative(-own.way(0.04), Velocity=own.way(0.2))
+
+
+def bring_into(ctx: CaseContext, phase: str, *, direction: int = 1, velocity: float | None = None) -> Any:
+    """Bring the enabled axis into a phase of motion at `velocity`, that of `Numbers` where it is None;
+    returns the running block, None at standstill.
+    """
+    axis, own = axis_of(ctx), Numbers(ctx)
+    velocity = own.velocity if velocity is None else velocity
     if phase == "standstill":
         ctx.run_for(0.1)
         return None
-    top = velocity if phase == "constant" else velocity + 100.0
+    top = velocity if phase == "constant" else velocity + own.top - own.velocity
     ctx.do(f"MC_MoveVelocity {top * direction:g} mm/s")
-    move = axis.move_velocity(top * direction, **DYNAMICS)
+    move = axis.move_velocity(top * direction, **own.dynamics)
     if phase == "accelerating":
         ctx.wait_until(
             lambda: axis.object.motion.v * direction >= velocity,
@@ -98,7 +147,7 @@ def bring_into(ctx: CaseContext, phase: str, *, direction: int = 1, velocity: fl
         ctx.run_for(0.1)
         return move
     ctx.do("MC_Halt: the axis brakes")
-    halt = axis.halt(Deceleration=ACCELERATION, Jerk=JERK)
+    halt = axis.halt(Deceleration=own.dynamics["Deceleration"], Jerk=own.dynamics["Jerk"])
     ctx.wait_until(
         lambda: axis.object.motion.v * direction <= velocity,
         5.0,
@@ -151,8 +200,8 @@ def moves_again(ctx: CaseContext) -> None:
     """Wait until the axis is enabled without a new edge of `MC_Power`, and move."""
     axis = axis_of(ctx)
     ctx.wait_until(lambda: axis.operational, 5.0, "the axis is operational without a new edge of Enable")
-    ctx.do("MC_MoveRelative -20 mm")
-    move = axis.move_relative(-20.0, Velocity=100.0)
+    move = step_back(ctx)
+    ctx.do(f"MC_MoveRelative {move.Distance:g}")
     ctx.wait_until(move.done, 5.0, "the axis moves again")
 
 
@@ -260,7 +309,7 @@ def expected_code(ctx: CaseContext, reaction: Reaction, *, moving: bool, velocit
 
 def fault_case(ctx: CaseContext, fault: Fault, phase: str) -> None:
     """Bring the axis into a phase, inject the fault, expect code, stop, and what it takes to go on."""
-    axis, reaction = axis_of(ctx), fault.reaction
+    reaction = fault.reaction
     name = axis_name(ctx)
     if reaction.needs_encoder:
         need_encoder(ctx)
@@ -294,8 +343,8 @@ def fault_case(ctx: CaseContext, fault: Fault, phase: str) -> None:
     if not reaction.stands:
         return
     at_rest(ctx, ended)
-    ctx.do("MC_MoveRelative -20 mm, without a reset")
-    refused = axis.move_relative(-20.0, Velocity=100.0)
+    ctx.do("MC_MoveRelative, without a reset")
+    refused = step_back(ctx)
     ctx.run_for(cycles(ctx, 3))
     ctx.expect(
         command_refused(code, since=ended, axis=name),

@@ -14,12 +14,12 @@ from hil.expect import axis_error, command_refused, happens, no_axis_error, valu
 from hil.record import event
 from motion.nc.blocks import HomingMode, JogMode
 from testcases.campaigns._nc import (
-    DYNAMICS,
     LIMIT_AT_START,
     LIMIT_IN_MOTION,
     NO_ENABLE,
     NO_FEED,
     SIGN,
+    Numbers,
     Table,
     at_rest,
     axis_name,
@@ -73,9 +73,11 @@ def set_in_motion(ctx: CaseContext, motion: str, sign: int) -> Any:
         return bring_into(ctx, motion, direction=sign)
     ctx.do(f"{motion} at {VELOCITY * sign:g} mm/s")
     if motion == "jog":
-        block: Any = axis.jog(JogMode.MC_JOGMODE_CONTINOUS, backwards=sign < 0, Velocity=VELOCITY, **DYNAMICS)
+        block: Any = axis.jog(
+            JogMode.MC_JOGMODE_CONTINOUS, backwards=sign < 0, Velocity=VELOCITY, **Numbers(ctx).dynamics
+        )
     else:
-        block = axis.move_relative(400.0 * sign, Velocity=VELOCITY, **DYNAMICS)
+        block = axis.move_relative(400.0 * sign, Velocity=VELOCITY, **Numbers(ctx).dynamics)
     ctx.wait_until(lambda: axis.object.motion.v * sign > VELOCITY - 1e-6, 5.0, f"the axis is in its {motion}")
     ctx.run_for(0.05)
     return block

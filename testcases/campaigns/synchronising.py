@@ -333,7 +333,8 @@ def direct(ctx: CaseContext) -> None:
     zero, lift = 7.5, 12.0 - 0.7 * swing(30.0)[0]
     _shown(
         ctx, follower, FunctionState=3, ActualCam=cam.object.db_number,
-        ActualMaster=here.leader.object.db_number, MasterOffset=zero, SlaveOffset=lift, MasterScaling=1.0, SlaveScaling=0.7, Offset=lift,
+        ActualMaster=here.leader.object.db_number, MasterOffset=zero, SlaveOffset=lift, MasterScaling=1.0,
+        SlaveScaling=0.7, Offset=lift,
     )  # fmt: skip
     since = ctx.now_s
     _moving(ctx, here.leader, 80.0)

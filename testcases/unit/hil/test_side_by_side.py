@@ -112,14 +112,14 @@ def test_a_run_of_one_make_has_no_such_page(tmp_path):
 
 
 def test_makes_that_there_are_not(tmp_path, capsys):
-    """A wrong make is refused with those that there are; makes and configurations exclude each other; a
-    bench of NC axes runs the NC's cases by itself and has no other make.
+    """A wrong make is refused with those that there are; configurations take one make at a time; a bench of
+    NC axes runs the NC's cases by itself and has no other make.
     """
     for makes in ("s8", "nc,nc", "s7;nc"):
         with pytest.raises(CannotRunError, match="s7, nc"):
             list_cases(RunRequest(paths=("stop_modes",), controllers=makes))
-    with pytest.raises(CannotRunError, match="do not go together"):
-        list_cases(RunRequest(paths=("stop_modes",), controllers="nc", configurations="pairwise:1"))
+    with pytest.raises(CannotRunError, match="one make at a time"):
+        list_cases(RunRequest(paths=("stop_modes",), controllers="s7,nc", configurations="pairwise:1"))
     bench = tmp_path / "nc.toml"
     bench.write_text(
         '[bench]\nname = "x"\nkind = "virtual"\n[segment.can0]\nbitrate = 1_000_000\n[drive.d]\n'
