@@ -1,6 +1,7 @@
-"""Build hook: with `HIL_COMPILE=1` in the environment the wheel has the compiled core, for one platform.
+"""Build hook: puts the list of what the product cannot do yet into a wheel, and with `HIL_COMPILE=1` in the
+environment the compiled core, for one platform.
 
-Without it the wheel is pure Python, as always. `compile_core.py` does the work.
+Without the variable the wheel is pure Python, as always. `compile_core.py` does the work.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ ROOT = Path(__file__).resolve().parent
 
 
 class CoreBuildHook(BuildHookInterface[Any]):
-    """Adds `motion_hil_core` to a wheel."""
+    """Adds `features.md` to a wheel, and `motion_hil_core` where it is wanted."""
 
     PLUGIN_NAME = "custom"
 
@@ -29,8 +30,12 @@ class CoreBuildHook(BuildHookInterface[Any]):
         return ["mypy>=2.4,<2.5", "numpy>=1.26", "setuptools>=70"] if self._wanted() else []
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Compile, and say what is added to the wheel."""
-        if not self._wanted() or version == "editable":
+        """Say what is added to the wheel; compile where that is wanted."""
+        if version == "editable":
+            return
+        # What the product cannot do yet, for the page of `hil qualify`; a checkout has it already.
+        build_data["force_include"]["docs/reference/features.md"] = "hil/data/features.md"
+        if not self._wanted():
             return
         sys.path.insert(0, str(ROOT))
         from compile_core import PACKAGE, compile_core, settings

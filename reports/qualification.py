@@ -98,6 +98,8 @@ class Qualification:
     """Package and SHA-256 of its files."""
     product_digest: str
     """Over all of these, as they are now."""
+    known_limits: tuple[tuple[str, str], ...]
+    """Areas of the product with what it cannot do there."""
     sources: tuple[Source, ...]
     bench_digest: str
     rows: list[RequirementRow]
@@ -184,6 +186,7 @@ def qualify(
     *,
     product: Sequence[tuple[str, str]],
     product_digest: str,
+    known_limits: Sequence[tuple[str, str]],
     sources: Sequence[Source],
     bench_digest: str,
     defects: Sequence[Defects] = (),
@@ -195,6 +198,7 @@ def qualify(
         run: The run, with its catalogue of requirements.
         product: Package and digest of its files.
         product_digest: Digest over all of them.
+        known_limits: Areas of the product with what it cannot do there.
         sources: Campaigns and benches of the run.
         bench_digest: SHA-256 of the text of the bench file.
         defects: Seeded and drawn defects, with who caught them.
@@ -207,6 +211,7 @@ def qualify(
         run_digest(run),
         tuple(product),
         product_digest,
+        tuple(known_limits),
         tuple(sources),
         bench_digest,
         rows,

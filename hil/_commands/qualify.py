@@ -10,6 +10,7 @@ from typing import Final
 
 from hil._commands.terminal import console, print_json
 from hil._digests import PACKAGES, package_digest, product_digest
+from hil._known_limits import known_limits
 from hil._requirements import complete, own_requirements
 from hil.campaign import Token
 from hil.errors import CannotRunError, TokenError
@@ -59,6 +60,7 @@ def qualify_run(
         run,
         product=[(name, package_digest(name)) for name in PACKAGES],
         product_digest=product_digest(),
+        known_limits=known_limits(),
         sources=_sources(run),
         bench_digest=hashlib.sha256(run.bench_text.encode()).hexdigest(),
         defects=[

@@ -113,6 +113,7 @@ def test_the_page_says_what_is_there_and_what_is_not(folder, tmp_path, capsys):
         "state of the run",
     ]
     shown += ["our.campaign:STOPS", "our other bench", "digest of the other bench", "not those of the run"]
+    shown += ["Known limits of the tool", "elasticity of the drive train"]
     assert [text for text in shown if text not in page] == []
     places = [page.index(text[:40]) for text in NOT_CLAIMED]
     assert max(places) < page.index("digest of stops/one")
