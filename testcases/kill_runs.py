@@ -76,7 +76,7 @@ def _wait(process: subprocess.Popen[str], condition: Callable[[], bool]) -> None
 
 def start(directory: Path, arguments: list[str]) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [*hil_command(), "run", *arguments, "--report", str(directory), "--resume", "--json"],
+        [*hil_command(), "run", *arguments, "--report", str(directory), "--resume", "--json", "--verbose"],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
