@@ -144,6 +144,17 @@ def _bits_of_eight(data: bytes, crc: int, wire: int, bits: int) -> int:
     return bits + 64 + (table[256 + (check & 0x7F)][table[check >> 7][wire]] >> 3)
 
 
+def _bits_of_seven(data: bytes, crc: int, wire: int, bits: int) -> int:
+    """Return the same of a frame with seven bytes: control word, velocity and mode."""
+    a, b, c, d, e, f, g = data[0], data[1], data[2], data[3], data[4], data[5], data[6]
+    check = crc ^ _P6[a] ^ _P5[b] ^ _P4[c] ^ _P3[d] ^ _P2[e] ^ _P1[f] ^ _P0[g]
+    table = _STUFF
+    wire = table[b][table[a][wire]]
+    wire = table[d][table[c][wire]]
+    wire = table[g][table[f][table[e][wire]]]
+    return bits + 56 + (table[256 + (check & 0x7F)][table[check >> 7][wire]] >> 3)
+
+
 def _bits_of_few(data: bytes, crc: int, wire: int, bits: int) -> int:
     """Return the bits of a frame with fewer bytes, whose own bits are counted already."""
     table, checks = _STUFF, _CRC
@@ -209,7 +220,14 @@ class FrameMaker:
         """Be ready for frames with so many bytes: the next ones have as many, as a rule."""
         self._dlc = dlc
         self._key, crc, crc_8, self._stuff, bits = _header(self.can_id, False, False, dlc)
-        self._crc, self._bits = (crc_8, bits) if dlc == 8 else (crc, bits + 8 * dlc)
+        if dlc == 8:
+            self._crc, self._bits = crc_8, bits
+        elif dlc == 7:
+            for _ in range(7):
+                crc = crc << 8 & 0x7FFF ^ _CRC[crc >> 7]
+            self._crc, self._bits = crc, bits
+        else:
+            self._crc, self._bits = crc, bits + 8 * dlc
 
     def make(self, data: bytes) -> CanFrame:
         """Return a frame with `data`, 0 to 8 bytes."""
@@ -221,6 +239,8 @@ class FrameMaker:
                 self._prepare(dlc)
             if dlc == 8:
                 bits = _bits_of_eight(data, self._crc, self._stuff, self._bits)
+            elif dlc == 7:
+                bits = _bits_of_seven(data, self._crc, self._stuff, self._bits)
             else:
                 bits = _bits_of_few(data, self._crc, self._stuff, self._bits)
             frame.timing = self._key, bits

@@ -253,6 +253,8 @@ class NcRuntime:
         """What the PLC calls in every cycle, in this order."""
         self._entries: list[Callable[[], object]] = []
         """The same, as it is called."""
+        self._functions = False
+        """There are functions among them, which may look at a plant; blocks know axes only."""
         self._dormant: list[ExecuteBlock] = []
         self.plc_running = True
         """False: the PLC is stopped, hangs or has been halted by an exception (NC-765)."""
@@ -308,6 +310,7 @@ class NcRuntime:
         """Call these from the next cycle of the PLC on."""
         self.program = program
         self._entries = [one.entry if isinstance(one, Block) else one for one in program]
+        self._functions = not all(isinstance(one, Block) for one in program)
 
     def image(self) -> dict[str, bytes]:
         """Return the process image of the SAF task: inputs and outputs of encoder and drive of every axis
@@ -344,7 +347,8 @@ class NcRuntime:
         for axis in self.axes:
             axis.retained = retained.get(axis.name) if axis.persistent else None
         self.running = True
-        self._timer = self.scheduler.every(self.cycle_ns, self._cycle, phase_ns=self._phase_ns)
+        self._timer = timer = self.scheduler.every(self.cycle_ns, self._cycle, phase_ns=self._phase_ns)
+        timer.apart = True  # as the task of another controller: axes have their devices on a bus
 
     def stop(self) -> None:
         """End the cycle, and store retain data as their mode says."""
@@ -369,8 +373,10 @@ class NcRuntime:
         self._cyclic.cycle()
         if cycles % self.plc_cycles == 0:
             self._call_plc()
-        for callback in self.after_cycle:
-            callback()
+        if self.after_cycle:
+            self.scheduler.catch_up()
+            for callback in tuple(self.after_cycle):
+                callback()
 
     def _load(self) -> dict[str, Retained]:
         mode = int(self._retain_mode.value)
@@ -403,6 +409,8 @@ class NcRuntime:
             if not block.Execute:
                 self._wake()
                 break
+        if self._functions:
+            self.scheduler.catch_up()
         try:
             for entry in self._entries:
                 entry()
@@ -471,5 +479,6 @@ class _Saf:
 
     def _execute(self) -> None:
         posted, self.posted = self.posted, []
+        self._runtime.scheduler.catch_up()  # they come from anywhere
         for command in posted:
             command()

@@ -9,7 +9,8 @@ the stack of Python every millisecond, so that other work on the machine changes
 `--symbols`.
 
 The file is an SVG: a box is as wide as its share of all samples, what it calls is below it, and pointing at
-it shows name and share. Colours are areas.
+it shows name and share. Colours are areas. Python notices the timer at the next call or turn of a loop, so
+that samples of a short function may count for the one after it.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ import argparse
 import re
 import signal
 import sys
+import tomllib
 from collections.abc import Iterable, Iterator
+from functools import cache
 from html import escape
 from pathlib import Path
 from types import FrameType
@@ -37,8 +40,8 @@ FONT: Final = 'font-family="monospace" font-size="10"'
 AREAS: Final = (
     ("fieldbus/can/", "CAN: arbitration, timing, frames, ports", "#d95f02"),
     ("fieldbus/canopen/", "CANopen: PDOs, SYNC", "#e6ab02"),
-    ("fieldbus/profidrive/", "PROFIdrive telegrams", "#e6ab02"),
-    ("fieldbus/modbus/", "Modbus", "#e6ab02"),
+    ("fieldbus/profidrive/", "PROFIdrive telegrams", "#ffd92f"),
+    ("fieldbus/modbus/", "Modbus", "#e5c494"),
     ("fieldbus/", "scheduler, clock of the node", "#7570b3"),
     ("emulators/drive/core", "servo, mechanics, encoder", "#66a61e"),
     ("emulators/mechanics/", "servo, mechanics, encoder", "#66a61e"),
@@ -111,20 +114,37 @@ def sampled(name: str, seconds: float) -> Node:
     return root
 
 
-# A function of the compiled core: `CPyDef_motion___kernel___task___Task___cycle`, a wrapper `CPyPy_...`.
-_COMPILED = re.compile(r"CPy(?:Def|Py)_((?:fieldbus|emulators|motion|hil)___\w+)")
+_COMPILED = re.compile(r"CPy(?:Def|Py)_(\w+)")
+"""A function of the compiled core, or its wrapper: `CPyDef_section___BusSection____end_of_frame`. It begins
+with as many of the last words of its module's name as make it the only one.
+"""
 
 
+@cache
+def _modules() -> dict[str, list[str]]:
+    """Return the modules of the core by the ends of their names."""
+    content = tomllib.loads((ROOT / "core.toml").read_text(encoding="utf-8"))
+    ends: dict[str, list[str]] = {}
+    for module in content["modules"]:
+        words = module.split(".")
+        for begin in range(len(words)):
+            ends.setdefault("___".join(words[begin:]), []).append("/".join(words))
+    return ends
+
+
+@cache
 def _compiled(symbol: str) -> str:
     """Return file and name of a function of the compiled core; empty: it is none."""
     found = _COMPILED.search(symbol)
     if found is None:
         return ""
     words = found[1].split("___")
-    for end in range(len(words), 0, -1):
-        path = "/".join(words[:end]) + ".py"
-        if (ROOT / path).is_file():
-            return f"{path}: {'.'.join(words[end:])}"
+    for end in range(len(words) - 1, 0, -1):
+        modules = _modules().get("___".join(words[:end]), [])
+        if len(modules) == 1:
+            name = re.sub(r"__\w+_obj$", "", words[end])  # a function within a function
+            inner = ".".join(one for one in words[end + 1 :] if one != "__call__" and one)
+            return f"{modules[0]}.py: {name}{'.' * bool(inner)}{inner}"
     return ""
 
 
@@ -199,17 +219,24 @@ def drawn(root: Node, title: str) -> str:
 
     left = 0.0
     for one in sorted(root.called.values(), key=lambda one: -one.samples):
-        draw(one, left, 2)
+        draw(one, left, 4)
         left += one.samples / root.samples * WIDTH
-    legend = "  ".join(f"{area} {100.0 * share:.0f} %" for area, share in areas(root).items())
     height = (deepest + 1) * ROW
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" {FONT}>',
         f'<rect width="{WIDTH}" height="{height}" fill="#ffffff"/>',
         f'<text x="2" y="12" font-size="12">{escape(title)}</text>',
-        f'<text x="2" y="28">{escape(legend)}</text>',
+        *_legend(areas(root)),
     )
     return "\n".join((*head, *boxes, "</svg>", ""))
+
+
+def _legend(shares: dict[str, float]) -> Iterator[str]:
+    colours = {OTHER[0]: OTHER[1]} | {area: colour for _, area, colour in AREAS}
+    for place, (area, share) in enumerate(shares.items()):
+        left, top = place % 4 * WIDTH // 4, (1 + place // 4) * ROW
+        yield f'<rect x="{left}" y="{top}" width="12" height="{ROW - 3}" fill="{colours[area]}"/>'
+        yield f'<text x="{left + 16}" y="{top + 11}">{escape(area)} {100.0 * share:.0f} %</text>'
 
 
 def main() -> None:
