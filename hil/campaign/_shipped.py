@@ -73,6 +73,9 @@ SHIPPED: Final = (
     ShippedCampaign("device_objects", seeding=("own",)),
     ShippedCampaign("device_again", seeding=("own",)),
     ShippedCampaign("canopen_master", seeding=("own",)),
+    ShippedCampaign(
+        "fault_ends", seeding=("own", f"{PACKAGE}.fault_ends:GUARDED", "analog", "stepper", "profidrive_rtu")
+    ),
     ShippedCampaign("can_bus", seeding=("own",)),
     ShippedCampaign("can_traffic", seeding=("own",)),
     ShippedCampaign("can_adapter", seeding=("own",)),

@@ -15,10 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldbus.canopen import NmtCommand
+from fieldbus.profidrive.words import POS_STW1, STW1
 from hil.bench import BenchFile
 from hil.campaign import Campaign, CaseContext
 from testcases.campaigns._led_servo import DRIVE, NODE, Node
 from testcases.campaigns._readout import Readout, devices
+from testcases.campaigns.profidrive_positioner import GO, READY, RELATIVE, SETUP, Axis
+from testcases.campaigns.profidrive_speed import OFF, RUN
+from testcases.campaigns.profidrive_speed import Led as Speed
 
 REV: Final = 1 << 16
 """Increments per revolution of the motor, and per 10 mm of the slide."""
@@ -264,6 +268,8 @@ PROGRAMS: Final[dict[str, Callable[[Led, int], None]]] = {
 
 # -- comparisons -------------------------------------------------------------------------------------------
 
+WITH_DIRECTION: Final = ("drive_zsw1", "drive_meldw")
+"""Words with a bit that shows the direction."""
 SIGNED: Final = (
     *WAYS,
     "velocity",
@@ -272,6 +278,7 @@ SIGNED: Final = (
     "torque_demand",
     "velocity_demand",
     "following_error",
+    "nsoll",
 )
 """Columns that change their sign on the other side."""
 ROUNDING: Final = 2e-3
@@ -282,11 +289,19 @@ SET_FIRST: Final = ("mode",)
 """Columns that a program sets before anything else: what they show at its beginning is of the time before."""
 
 
+COUNTERS: Final = ("drive_stw2", "drive_zsw2")
+"""Words whose highest four bits are a sign of life."""
+
+
 def differences(first: Run, second: Run, *, mirrored: bool = False) -> list[str]:
     """Return in which columns, events and objects two runs differ."""
     found = []
-    for name, values in first.columns.items():
-        other = second.columns[name]
+    for name in first.columns:
+        values, other = first.columns[name], second.columns[name]
+        if name in COUNTERS:
+            values, other = values % 0x1000, other % 0x1000
+        if mirrored and name in WITH_DIRECTION:
+            continue
         if mirrored and name in SIGNED:
             other = -other
         count = min(len(values), len(other))
@@ -354,3 +369,137 @@ def servo(ctx: CaseContext, program: str) -> None:
     device.nmt(NmtCommand.RESET_NODE)
     ctx.run_for(0.1)
     device.none("after a node reset", differences(first, once(1)), "C301-018")
+
+
+# -- PROFIdrive drives -------------------------------------------------------------------------------------
+
+OF_SPEED: Final = Campaign(
+    "device again, telegram 105",
+    controller="",
+    tags=("telegram",),
+    bench="testcases.campaigns.profidrive_speed:BENCH",
+)
+OF_TASKS: Final = Campaign(
+    "device again, telegram 111",
+    controller="",
+    tags=("telegram", "positioner"),
+    bench="testcases.campaigns.profidrive_positioner:BENCH",
+)
+NO_RELEASE, NO_SETPOINT, NO_RAMP = RUN & ~0x20, RUN & ~0x40, RUN & ~0x10
+STEPS: Final[dict[str, tuple[tuple[int, float, int], ...]]] = {
+    "ramps": (
+        (RUN, 1100, 30),
+        (RUN, -430, 45),
+        (NO_RELEASE, 900, 10),
+        (RUN, 900, 25),
+        (NO_SETPOINT, 900, 30),
+    ),
+    "ramp-off": ((RUN, 700, 25), (NO_RAMP, 700, 15), (RUN, 300, 25), (OFF, 300, 60)),
+    "off": ((RUN, 900, 30), (OFF, 900, 20), (RUN, 400, 30), (RUN & ~2, 400, 20), (OFF, 0, 60)),
+    "quick": ((RUN, 800, 30), (RUN & ~4, 800, 15), (RUN, 800, 30), (OFF, 0, 60)),
+    "inhibited": ((RUN, 600, 25), (RUN & ~8, 600, 20), (RUN, 600, 40), (RUN & ~0x400, 100, 15)),
+}
+"""STW1, speed in rpm, and how many cycles of 4 ms, step by step."""
+
+
+@OF_SPEED.product(
+    "{program}",
+    parameters={"program": tuple(STEPS)},
+    title="a PROFIdrive drive, {program}: again, to the other side, after a power cycle",
+)
+def words(ctx: CaseContext, program: str) -> None:
+    """Control words and speeds straight after the start, once more, mirrored, and after a trip and a power
+    cycle.
+    """
+    led = Speed(ctx, on=False)
+
+    def once(sign: int) -> Run:
+        led.send("OFF1, acknowledged", 0.1, STW1=OFF | 0x80, NSOLL_B=0)
+        led.send("OFF1", 0.1, STW1=OFF)
+        led.send("ON", 0.2, STW1=RUN)
+
+        def steps() -> None:
+            for word, rpm, cycles in STEPS[program]:
+                led.turn(sign * rpm, cycles * 0.004, STW1=word)
+
+        run = record(ctx, DRIVE, steps, dict)
+        led.send("OFF1", 1.0, STW1=OFF, NSOLL_B=0)
+        return run
+
+    first = once(1)
+    _none(ctx, "again", differences(first, once(1)))
+    _none(ctx, "to the other side", differences(first, once(-1), mirrored=True))
+    led.send("ON", 0.2, STW1=RUN)
+    led.turn(500.0, 0.2)
+    ctx.inject("drive.fault", DRIVE, code=30001)
+    ctx.run_for(0.5)
+    _none(ctx, "after a trip", differences(first, once(1)))
+    _off_and_on(ctx)
+    _none(ctx, "after a power cycle", differences(first, once(1)))
+
+
+def _none(ctx: CaseContext, what: str, found: list[str]) -> None:
+    ctx.measure(f"{what}: {'; '.join(found[:6]) or 'all right'}", len(found), low=0, high=0)
+
+
+def _off_and_on(ctx: CaseContext) -> None:
+    off = ctx.inject("drive.power_off", DRIVE)
+    ctx.run_for(0.2)
+    off.remove()
+    ctx.run_for(1.5)
+
+
+BACKWARDS: Final = int(POS_STW1.POSITIVE | POS_STW1.NEGATIVE)
+TASKS: Final[dict[str, tuple[dict[str, int], ...]]] = {
+    "relative": (
+        {"POS_STW1": RELATIVE, "MDI_TARPOS": 2300, "MDI_VELOCITY": 7000},
+        {"POS_STW1": RELATIVE, "MDI_TARPOS": -3100, "MDI_VELOCITY": 4100, "OVERRIDE": 0x3000},
+        {"POS_STW1": RELATIVE, "MDI_TARPOS": 800, "MDI_ACC": 0x2000, "MDI_DEC": 0x1800},
+    ),
+    "set-up": (
+        {"POS_STW1": SETUP | POS_STW1.POSITIVE, "MDI_VELOCITY": 3000, "MDI_TARPOS": 0},
+        {"POS_STW1": SETUP | POS_STW1.POSITIVE, "MDI_VELOCITY": 1400, "MDI_TARPOS": 0},
+    ),
+}
+"""Words of tasks, one after the other; MDI_TARPOS is mirrored."""
+
+
+@OF_TASKS.product(
+    "{program}",
+    parameters={"program": tuple(TASKS)},
+    title="a positioner, {program}: again, to the other side, after a power cycle",
+)
+def tasks(ctx: CaseContext, program: str) -> None:
+    """Tasks straight after the start, once more, mirrored, and after a stop on the way and a power cycle."""
+    plain = {"OVERRIDE": 0x4000, "MDI_ACC": 0x4000, "MDI_DEC": 0x4000, "POS_STW1": 0}
+    axis = Axis(ctx)
+
+    def once(sign: int) -> Run:
+        axis.send("OFF1", 0.1, STW1=READY & ~1, **plain)
+        axis.send("ON", 0.3, STW1=READY)
+
+        def all_tasks() -> None:
+            for row in TASKS[program]:
+                given = row | {"MDI_TARPOS": sign * row["MDI_TARPOS"]}
+                if program == "set-up" and sign < 0:
+                    given["POS_STW1"] ^= BACKWARDS
+                axis.go(0.3, **given)
+            axis.send("no task", 0.3, STW1=READY)
+            axis.send("reject", 0.2, STW1=READY & ~int(STW1.NO_REJECT_TASK))
+
+        run = record(ctx, DRIVE, all_tasks, dict)
+        # The ways are relative: another start is another place with other switches.
+        del run.columns["inputs"]
+        run.events = [one for one in run.events if one[0] != "drive.inputs"]
+        axis.send("OFF1", 0.5, STW1=READY & ~1)
+        return run
+
+    first = once(1)
+    _none(ctx, "again", differences(first, once(1)))
+    _none(ctx, "to the other side", differences(first, once(-1), mirrored=True))
+    axis.send("ON", 0.3, STW1=READY, **plain)
+    axis.go(0.1, POS_STW1=RELATIVE, MDI_TARPOS=3000)
+    axis.send("intermediate stop", 0.2, STW1=GO & ~int(STW1.NO_INTERMEDIATE_STOP))
+    axis.send("reject", 0.2, STW1=READY & ~int(STW1.NO_REJECT_TASK))
+    _off_and_on(ctx)
+    _none(ctx, "after a power cycle", differences(first, once(1)))

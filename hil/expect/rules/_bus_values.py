@@ -107,7 +107,7 @@ POSITION_SENT: Final = Rule(
     requirements=("C402-198", "PD-171"),
     tolerance="the way from the record to SYNC, half a millisecond, and two increments",
     judge=_position_sent,
-    excused_by=("encoder.", "frame.", "telegram.", "can.", "drive.boot", *OWN_CLOCK),
+    excused_by=("encoder.", "mechanics.slip", "frame.", "telegram.", "can.", "drive.boot", *OWN_CLOCK),
     recovery_cycles=3,
 )
 
