@@ -415,9 +415,10 @@ class PdoEngine:
 def _mapping_entries(store: ObjectStore) -> dict[int, list[int]]:
     """Return the keys of the mapping entries of every mapping record, by the key of its sub-index 0."""
     result: dict[int, list[int]] = {}
+    receive, transmit = _RPDO[1], _TPDO[1]
     for key in store.entries:
         index = key >> 8
-        if key & 0xFF and any(first <= index < first + _RECORDS for _, first in (_RPDO, _TPDO)):
+        if key & 0xFF and (receive <= index < receive + _RECORDS or transmit <= index < transmit + _RECORDS):
             result.setdefault(index << 8, []).append(key)
     return result
 

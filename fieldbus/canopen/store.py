@@ -122,9 +122,9 @@ class ObjectStore:
         """
         base = predefined_identifiers(0)
         identifiers = predefined_identifiers(node_id)
-        for key, entry in self.entries.items():
-            cob_id = identifiers.get(key)
-            if cob_id is not None and not entry.default:
+        for key in identifiers.keys() & self.entries.keys():
+            entry, cob_id = self.entries[key], identifiers[key]
+            if not entry.default:
                 entry.default = cob_id
                 entry.base = base[key] if base[key] != cob_id else None
         self.load(application=True)
@@ -283,9 +283,13 @@ class ObjectStore:
             with suppress(HilError):
                 self.persist()
         stored, values = self.stored, self.values
-        for key, entry in self.entries.items():
-            if application or entry.index < 0x2000:
-                values[entry.key] = stored.get(key, entry.default)
+        if application and not stored:
+            for entry in self.entries.values():
+                values[entry.key] = entry.default
+        else:
+            for key, entry in self.entries.items():
+                if application or entry.index < 0x2000:
+                    values[entry.key] = stored.get(key, entry.default)
         for key in self.commands:
             if key >> 8 in (0x1010, 0x1011) and not values[key]:
                 values[key] = 1  # saves and restores on command, not by itself

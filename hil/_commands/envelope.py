@@ -145,17 +145,19 @@ def envelope_of(
         if parquet:
             envelope.save_parquet(report / "envelope.parquet")
     changed = [] if other is None else [row for row in other.compared(envelope) if row.first != row.second]
+    one_sided = [] if other is None else _one_sided(other, envelope)
     page = write_envelope(
         report / "envelope.html",
         envelope.to_json(),
         [(one.name, one.unit) for one in MEASURES.values()],
         [_in_words(row) for row in changed],
         "" if other is None else f"{other.bench}, {other.motion}",
+        one_sided=one_sided,
     )
     if as_json:
         print_json({**_summary(envelope), "report": str(page)})
     else:
-        _tell(envelope, changed, page)
+        _tell(envelope, changed, one_sided, page)
     return 1 if envelope.failures else 0
 
 
@@ -183,7 +185,7 @@ def _summary(envelope: Envelope) -> dict[str, object]:
     }
 
 
-def _tell(envelope: Envelope, changed: list[EnvelopeDifference], page: Path) -> None:
+def _tell(envelope: Envelope, changed: list[EnvelopeDifference], one_sided: list[str], page: Path) -> None:
     out = console()
 
     def say(text: str) -> None:
@@ -224,6 +226,8 @@ def _tell(envelope: Envelope, changed: list[EnvelopeDifference], page: Path) -> 
     for row in changed:
         stimulus, measure, before, now = _in_words(row)
         say(f"{stimulus}, {measure}: {before} -> {now}")
+    for text in one_sided:
+        say(text)
     say(f"page: {page}")
 
 
@@ -234,9 +238,18 @@ def _moves(envelope: Envelope, axis: str) -> bool:
     return max(positions, default=0.0) > min(positions, default=0.0) or max(ways, default=0.0) > 0.0
 
 
+def _one_sided(other: Envelope, envelope: Envelope) -> list[str]:
+    """Return what only one of two envelopes has, in words."""
+    return [
+        *(f"only in the other envelope: {text}" for text in other.beside(envelope)),
+        *(f"only in this envelope: {text}" for text in envelope.beside(other)),
+    ]
+
+
 def _in_words(row: EnvelopeDifference) -> tuple[str, str, str, str]:
     first, second = (
-        "none" if value is None else f"{value:.4g} {row.unit}" for value in (row.first, row.second)
+        "no branch has it" if value is None else f"{value:.4g} {row.unit}"
+        for value in (row.first, row.second)
     )
     return row.stimulus, f"{row.axis} {row.measure.replace('_', ' ')}", first, second
 

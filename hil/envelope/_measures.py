@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.record import Trace
+    from hil.record import Signal, Trace
     from reports.model import Check
 
 REST_M_S: Final = 1e-3
@@ -45,8 +45,9 @@ MEASURES: Final[dict[str, Measure]] = {
         Measure(
             "reaction_time",
             "s",
-            "Time from the stimulus to the first alarm, error or change of state of an axis or drive; the "
-            "time that was watched if there is none.",
+            "Time from the stimulus to the first alarm, error or change of state of an axis or drive; of an "
+            "NC axis Operational, HasBeenStopped, HasJob and Error are its state. The time that was watched "
+            "if there is none.",
         ),
     )
 }
@@ -109,14 +110,33 @@ def measure(
 
 
 _REACTIONS: Final = ("alarm.raised", "axis.error", "axis.state", "drive.state", "drive.fault")
+_NC_STATE: Final = 1 << 0 | 1 << 7 | 1 << 8 | 1 << 31
+"""Bits of `StateDWord` that are the state of an NC axis, which has no event for it: Operational,
+HasBeenStopped, HasJob, Error.
+"""
 
 
 def _reaction_time(trace: Trace, at_s: float, watched_s: float) -> float:
     at_ns = round(at_s * 1e9)
-    for entry in trace.events:
-        if entry.time_ns >= at_ns and entry.kind in _REACTIONS:
-            return (entry.time_ns - at_ns) * 1e-9
-    return watched_s
+    events = (entry for entry in trace.events if entry.time_ns >= at_ns and entry.kind in _REACTIONS)
+    first = next(events, None)
+    times = [] if first is None else [(first.time_ns - at_ns) * 1e-9]
+    times += [
+        (round(changed_s * 1e9) - at_ns) * 1e-9
+        for axis in trace.components_with("state_dword")
+        if (changed_s := _nc_state_changed(trace[f"{axis}.state_dword"], at_s)) is not None
+    ]
+    return min(times, default=watched_s)
+
+
+def _nc_state_changed(word: Signal, at_s: float) -> float | None:
+    """Return when the state of an NC axis differs for the first time from that at an instant; None: never."""
+    part = word.between(at_s, float("inf"))
+    if not len(part):
+        return None
+    state = part.values.astype(np.int64) & _NC_STATE
+    changed = np.flatnonzero(state != int(word.at(at_s)) & _NC_STATE)
+    return float(part.time_s[changed[0]]) if len(changed) else None
 
 
 def reaction_class(trace: Trace, axes: Sequence[str], at_s: float, checks: Sequence[Check]) -> str:

@@ -127,6 +127,7 @@ class EnvelopeDifference:
     axis: str
     first: float | None
     second: float | None
+    """None: no branch of the stimulus has the measure."""
     unit: str
 
 
@@ -261,7 +262,7 @@ class Envelope:
         ).encode()
 
     def compared(self, other: Envelope) -> list[EnvelopeDifference]:
-        """Return the worst values of the stimuli of both, side by side."""
+        """Return the worst values of the stimuli that both have, side by side; `beside` lists the others."""
         axes = [axis for axis in self.axes if axis in other.axes]
         first, second = self._worst_values(), other._worst_values()
         return [
@@ -273,10 +274,23 @@ class Envelope:
                 second.get((stimulus, axis, measure)),
                 self.unit(measure, axis),
             )
-            for stimulus in dict.fromkeys((*self.stimuli, *other.stimuli))
+            for stimulus in self.stimuli
+            if stimulus in other.stimuli
             for axis in axes
             for measure in MEASURES
         ]
+
+    def beside(self, other: Envelope) -> list[str]:
+        """Return the stimuli and axes that only this envelope has, in words: with the reason where the other
+        bench cannot take a stimulus.
+        """
+        found = []
+        for stimulus in self.stimuli:
+            if stimulus in other.refused:
+                found.append(f"{stimulus} (not possible there: {other.refused[stimulus]})")
+            elif stimulus not in other.stimuli:
+                found.append(stimulus)
+        return [*found, *(f"axis {axis}" for axis in self.axes if axis not in other.axes)]
 
     def margins(self, axis: str) -> list[Margin]:
         """Return what is left to each end stop and guard of an axis, where its machine comes nearest to it at

@@ -303,6 +303,10 @@ def given_from_outside(trace: Trace, axis: str) -> NDArray[np.bool_]:
     """Return the samples in which the user program or a leading value gives setpoints: StatusWord.X31, X21
     and X22, StatusWord2.X6 and X1 (MIN-013, MIN-014, SYN-047, SYN-048).
     """
+    return trace.once((given_from_outside, axis), lambda: _given_from_outside(trace, axis))
+
+
+def _given_from_outside(trace: Trace, axis: str) -> NDArray[np.bool_]:
     word = trace[f"{axis}.status_word"]
     given = _bit(word, 31) | _bit(word, 21) | _bit(word, 22)
     name = f"{axis}.status_word2"
@@ -324,6 +328,10 @@ def no_change(trace: Trace, axis: str, signal: Signal) -> NDArray[np.bool_]:
     """Return which intervals between samples hold no change of state and no start of
     a job, nor follow one directly.
     """
+    return trace.once((no_change, axis, signal.name), lambda: _no_change(trace, axis, signal))
+
+
+def _no_change(trace: Trace, axis: str, signal: Signal) -> NDArray[np.bool_]:
     free = np.ones(len(signal) - 1, dtype=bool)
     for kind in ("axis.state", "axis.homed", "alarm.raised", "program.write", "job.active"):
         for entry in trace.select(source=axis, kind=kind):

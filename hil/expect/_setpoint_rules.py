@@ -41,6 +41,10 @@ def _judged(trace: Trace, axis: str, velocity: Signal) -> Flags:
     """Return the steps between samples in which the axis makes its setpoints
     itself and nothing starts again.
     """
+    return trace.once((_judged, axis), lambda: _computed(trace, axis, velocity))
+
+
+def _computed(trace: Trace, axis: str, velocity: Signal) -> Flags:
     own = in_states(trace[f"{axis}.state"], STEADY_STATES) & ~given_from_outside(trace, axis)
     flags: Flags = own[1:] & own[:-1] & no_change(trace, axis, velocity)
     return flags

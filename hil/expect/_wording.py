@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 from hil.record import EventSelector
@@ -74,7 +75,12 @@ def within(within_s: float | None) -> str:
 
 def starting(text: str) -> str:
     """Return a sentence with a capital letter, unless it begins with a name such as `axis1.state`."""
-    return capital(text) if _PLAIN_TEXT.match(text.partition(" ")[0].rstrip(":,")) else text
+    return capital(text) if _is_plain(text.partition(" ")[0]) else text
+
+
+@lru_cache(maxsize=1024)
+def _is_plain(word: str) -> bool:
+    return _PLAIN_TEXT.match(word.rstrip(":,")) is not None
 
 
 class Clause(NamedTuple):

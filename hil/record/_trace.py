@@ -6,7 +6,7 @@ import hashlib
 import json
 import zipfile
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from heapq import merge
 from itertools import islice
 from operator import itemgetter
@@ -203,6 +203,11 @@ class Trace:
         self._signals: dict[str, Signal] = {}
         self._times: dict[str, NDArray[np.float64]] = {}
         self._digest = ""
+        self._by_kind: dict[str, list[tuple[int, Event]]] = {}
+        """The events with their numbers; empty until somebody asks, and for a long log."""
+        self._selected: dict[tuple[str | None, str | None], tuple[Event, ...]] = {}
+        self._columns: dict[str, frozenset[str]] = {}
+        self._once: dict[Hashable, object] = {}
         self.constants: dict[str, float] = dict(constants or {})
         self.end_ns = end_ns
         self.vocabulary = vocabulary
@@ -317,11 +322,23 @@ class Trace:
 
     def components_with(self, *columns: str) -> list[str]:
         """Return the components that have all these columns, which distinguish axes from drives."""
-        return [
-            group.name
-            for group in self._groups.values()
-            if {column for column, _ in group.columns}.issuperset(columns)
-        ]
+        if not self._columns:
+            self._columns = {
+                name: frozenset(column for column, _ in group.columns) for name, group in self._groups.items()
+            }
+        return [name for name, known in self._columns.items() if known.issuperset(columns)]
+
+    def once(self, key: Hashable, compute: Callable[[], _T]) -> _T:
+        """Return what several judges of the trace need, computed for the first that asks.
+
+        Args:
+            key: Of what it is.
+            compute: Makes it; nobody may change it afterwards.
+
+        """
+        if key not in self._once:
+            self._once[key] = compute()
+        return cast("_T", self._once[key])
 
     @property
     def frames(self) -> tuple[TraceFrame, ...]:
@@ -381,11 +398,31 @@ class Trace:
 
     def select(self, *, source: str | None = None, kind: str | None = None) -> Iterator[Event]:
         """Return events of a source and of a kind (a trailing dot selects a family)."""
-        for entry in self.events:
-            if (source is None or entry.source == source) and (
-                kind is None or kind_matches(kind, entry.kind)
-            ):
-                yield entry
+        if not isinstance(self.events, tuple):  # a long log stays on disk
+            return (
+                entry
+                for entry in self.events
+                if (source is None or entry.source == source)
+                and (kind is None or kind_matches(kind, entry.kind))
+            )
+        found = self._selected.get((source, kind))
+        if found is None:
+            found = self._selected[source, kind] = self._select(source, kind)
+        return iter(found)
+
+    def _select(self, source: str | None, kind: str | None) -> tuple[Event, ...]:
+        """Return some of the events in memory; twenty rules ask for twenty kinds each."""
+        if kind is None:
+            return tuple(entry for entry in self.events if source is None or entry.source == source)
+        if not self._by_kind:
+            for numbered in enumerate(self.events):
+                self._by_kind.setdefault(numbered[1].kind, []).append(numbered)
+        if not kind.endswith("."):
+            some = self._by_kind.get(kind, ())
+        else:
+            families = (found for one, found in self._by_kind.items() if kind_matches(kind, one))
+            some = sorted((one for found in families for one in found), key=itemgetter(0))
+        return tuple(entry for _, entry in some if source is None or entry.source == source)
 
     def instant(self, reference: float | EventSelector) -> float | None:
         """Return a reference instant in seconds; None when its event did not happen."""

@@ -23,6 +23,8 @@ def write_envelope(
     measures: Sequence[tuple[str, str]],
     compared: Sequence[Sequence[str]] = (),
     other: str = "",
+    *,
+    one_sided: Sequence[str] = (),
 ) -> Path:
     """Write a page that needs no network.
 
@@ -33,6 +35,7 @@ def write_envelope(
             is shown first, and orders the worst points.
         compared: Stimulus, axis with measure, worst value in another envelope, and in this one.
         other: Name of the other envelope.
+        one_sided: What only one of the two has, in words.
 
     Returns:
         `path`.
@@ -63,6 +66,7 @@ def write_envelope(
         cliffs=[_cliff(one) for one in content["cliffs"]],
         compared=compared,
         other=other,
+        one_sided=one_sided,
         failures=[
             {
                 "stimulus": one["stimulus"],

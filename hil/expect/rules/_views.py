@@ -44,6 +44,7 @@ class EventIndex:
     def __init__(self, events: Iterable[Event]) -> None:
         self._by_both: dict[tuple[str, str], list[tuple[int, Event]]] = {}
         self._by_kind: dict[str, list[tuple[int, Event]]] = {}
+        self._asked: dict[tuple[str, ...], list[Event]] = {}
         for numbered in enumerate(events):
             entry = numbered[1]
             self._by_both.setdefault((entry.source, entry.kind), []).append(numbered)
@@ -51,7 +52,11 @@ class EventIndex:
 
     def of(self, source: str, *kinds: str) -> list[Event]:
         """Return the events of a source, of some kinds, in the order in which they came."""
-        return _in_order([self._by_both.get((source, kind), []) for kind in kinds])
+        found = self._asked.get((source, *kinds))
+        if found is None:
+            some = [self._by_both.get((source, kind), []) for kind in kinds]
+            found = self._asked[source, *kinds] = _in_order(some)
+        return found.copy()
 
     def all(self, *kinds: str) -> list[Event]:
         """Return the events of some kinds from any source, in the order in which they came."""

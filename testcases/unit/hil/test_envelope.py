@@ -1,7 +1,11 @@
 """Stop envelopes: copies of a running bench, what is measured in them, and what is made of it."""
 
+import contextlib
 import json
+import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -116,6 +120,8 @@ def test_an_axis_of_an_nc_is_swept():
     assert found.axes == ("axis1",)
     assert {branch.reaction for branch in found.of("operator.halt")} == {"no alarm"}
     assert "error 16#4356" in {*found.of("operator.disable:stop_mode=0")[1].reaction.split("axis1 ")}
+    # A halt is no error: the axis shows it in its status, two cycles later.
+    assert found.of("operator.halt")[1].value("reaction_time", "axis1") == pytest.approx(0.008)
     assert not found.failures
     with pytest.raises(CannotRunError, match="'axis7' is not an axis"):
         sweep("nc-axes:reference", motion, ["operator.halt@axis7"])
@@ -140,6 +146,60 @@ def test_a_sweep_goes_on_where_it_was_killed(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(CannotRunError, match=r"pip install 'motion-hil\[parquet\]'"):
         whole.save_parquet(tmp_path / "envelope.parquet")
+
+
+def processes_of_session(number):
+    """Return the processes of a session that are not dead."""
+    found = []
+    for file in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            state, _, _, session = file.read_text().rpartition(")")[2].split()[:4]
+            if session == str(number) and state != "Z":
+                found.append(int(file.parent.name))
+    return found
+
+
+@pytest.mark.exhaustive
+def test_a_sweep_that_was_killed_or_out_of_time_ends_as_one_that_was_not(tmp_path):
+    """Signal 9 ends the copies and judges of a sweep with it, and a budget leaves branches out: resumed, both
+    give the result of a sweep that nothing has disturbed, byte for byte.
+    """
+    motion, options = move_absolute("", 5.0, 200.0), {"every": 4, "watch_s": 0.2}
+    whole = sweep("reference", motion, ["operator.halt"], folder=tmp_path / "whole", **options)
+    killed = tmp_path / "killed"
+    command = [
+        *(sys.executable, "-m", "hil.cli", "envelope", "reference", "--to", "5", "--velocity", "200"),
+        *("--every", "4", "--watch", "0.2", "-x", "operator.halt", "--report", str(killed)),
+    ]
+    with subprocess.Popen(command, start_new_session=True, stderr=subprocess.DEVNULL) as process:
+        journal = killed / "branches.jsonl"
+        while not journal.exists() or journal.read_bytes().count(b"\n") < 4:
+            assert process.poll() is None
+            time.sleep(0.002)
+        process.kill()
+    deadline = time.monotonic() + 60.0
+    while left := processes_of_session(process.pid):
+        assert time.monotonic() < deadline, left
+        time.sleep(0.01)
+    kept = journal.read_bytes().count(b"\n") - 1
+    assert 3 <= kept < len(whole.branches)
+    done = []
+    again = sweep(
+        "reference", motion, ["operator.halt"], folder=killed, resume=True,
+        on_branch=lambda *_: done.append(1), **options,
+    )  # fmt: skip
+    assert len(done) == len(whole.branches) - kept
+    assert again == whole
+    late = tmp_path / "late"
+    short = sweep(
+        "reference", motion, ["operator.halt"], folder=late, budget_s=0.3, jobs=1,
+        on_branch=lambda *_: time.sleep(0.05), **options,
+    )  # fmt: skip
+    assert short.skipped > 0
+    assert short.skipped + len(short.branches) == len(whole.branches)
+    assert sweep("reference", motion, ["operator.halt"], folder=late, resume=True, **options) == whole
+    files = [(folder / "envelope.json").read_bytes() for folder in (tmp_path / "whole", killed, late)]
+    assert files == files[:1] * 3
 
 
 def test_coarse_first_then_where_it_changes():
@@ -270,9 +330,13 @@ def test_command(tmp_path, monkeypatch, capsys):
     other = [*common[:-1], "operator.halt", "--every", "12", "--report", "two", "--against", "one"]
     assert main([*other, "--guard", "3"]) == 0
     told = capsys.readouterr().err
-    assert "operator.halt, axis1 stop distance: none -> " in told
+    assert "only in this envelope: operator.halt" in told
+    assert "only in the other envelope: operator.disable:stop_mode=2" in told
+    assert "->" not in told
     assert "mm beyond its guard at 3: operator.halt at " in told
-    assert "Compared with reference axis, ours.py:motion" in (tmp_path / "two" / "envelope.html").read_text()
+    compared = (tmp_path / "two" / "envelope.html").read_text()
+    assert "Compared with reference axis, ours.py:motion" in compared
+    assert "<p>only in this envelope: operator.halt</p>" in compared
     assert main(["replay", worst["token"], "--report", "again", "--json"]) == 0
     again = json.loads(capsys.readouterr().out)
     assert again["verdict"] == "passed", again["message"]
