@@ -274,6 +274,7 @@ class Branching:
     def _go_on(self, bench: Bench, copies: Copies, job: Job, carrier: Carrier) -> None:
         """Apply the stimulus in the copy, and let the copy end after its time."""
         assert copies.child is not None
+        bench.recorder.hold()
         copies.child.recording = lambda: carrier.recording(bench.scheduler.now, bench.vocabulary)
         try:
             self._disturb(bench, job)

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 from itertools import islice
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from fieldbus.can.frame import CanFrame
-from fieldbus.history import Event, Scalar
+from fieldbus.history import Event
 from hil.record._frames import PackedFrames
 from hil.record._trace import Trace, TraceGroup
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from fieldbus.history import Scalar
     from hil.record._frames import BusFrame, FrameLog
     from hil.record._recorder import Recorder
     from hil.record._vocabulary import Vocabulary
 
 _NEVER_ON_DISK: Final = 1 << 62
 """Bytes: a recording that travels is in memory."""
+
+
+CarriedEvent: TypeAlias = "tuple[int, str, str, dict[str, Scalar]]"
+"""Time in ns, source, kind and details."""
 
 
 class CarriedGroup(NamedTuple):
@@ -35,7 +40,7 @@ class CarriedRecording(NamedTuple):
     """A recording that can be pickled quickly."""
 
     groups: tuple[CarriedGroup, ...]
-    events: tuple[tuple[int, str, str, dict[str, Scalar]], ...]
+    events: tuple[CarriedEvent, ...]
     frames: dict[str, PackedFrames | tuple[tuple[int, str, BusFrame, str], ...]]
     """By bus; those of Modbus are not packed."""
     constants: dict[str, float]
@@ -65,9 +70,14 @@ class Carrier:
     def __init__(self, recorder: Recorder) -> None:
         self._recorder = recorder
         self._packed: dict[str, PackedFrames] = {}
+        self._events: list[CarriedEvent] = []
 
     def pack(self) -> None:
-        """Pack the CAN frames that have come since the last call."""
+        """Pack the CAN frames and events that have come since the last call: what is older is not read again,
+        not from a file either.
+        """
+        for entry in self._recorder.history.events[len(self._events) :]:
+            self._events.append((entry.time_ns, entry.source, entry.kind, entry.data))
         for bus in self._recorder.buses:
             log = self._recorder.frames(bus)
             if not log or not isinstance(log[0][2], CanFrame):
@@ -92,7 +102,7 @@ class Carrier:
                 CarriedGroup(group.name, group.columns, group.enums, group.content())
                 for group in recorder.groups
             ),
-            tuple((one.time_ns, one.source, one.kind, one.data) for one in recorder.history.events),
+            tuple(self._events),
             {bus: self._packed.get(bus) or tuple(recorder.frames(bus)) for bus in recorder.buses},
             recorder.constants,
             end_ns,

@@ -61,6 +61,12 @@ class FrameColumns(NamedTuple):
         return found
 
     @property
+    def is_base_remote(self) -> NDArray[np.bool_]:
+        """Where it is a remote frame with an identifier of 11 bits."""
+        found: NDArray[np.bool_] = self.records["word"] & (_EXTENDED | _REMOTE) == _REMOTE
+        return found
+
+    @property
     def lengths(self) -> NDArray[np.uint8]:
         """Bytes of data of each."""
         length: NDArray[np.uint8] = self.records["length"]

@@ -261,6 +261,7 @@ class Recorder:
         self._limit = memory_mb * 1_000_000
         self._gradual = False
         self._full = False
+        self._held = False
         self._scheduler = scheduler
         self._groups: dict[str, Group] = {}
         self._buses: dict[str, BusRecording] = {}
@@ -343,6 +344,12 @@ class Recorder:
             # A case runs without looking for cycles; one that is so long has left some.
             gc.collect()
 
+    def hold(self) -> None:
+        """Keep in memory what comes from now on, however much: a process that was forked shares its temporary
+        files with the others.
+        """
+        self._held = True
+
     def store(self, *, frames_kept: int = _FRAMES_KEPT, events_kept: int = _EVENTS_KEPT) -> None:
         """Write all but the newest to temporary files.
 
@@ -354,6 +361,8 @@ class Recorder:
             RecordingError: The disk is full.
 
         """
+        if self._held:
+            return
         for group in self._groups.values():
             group.store()
         for bus in self._buses.values():
@@ -373,6 +382,8 @@ class Recorder:
 
         """
         self._gradual = True
+        if self._held:
+            return
         if not self._full and self.memory <= self._limit:
             return
         self._full = True

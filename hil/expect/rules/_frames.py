@@ -119,20 +119,24 @@ class BusFrames:
         wrong = columns.wrong
         time_s = columns.time_ns.astype(np.float64) * 1e-9
         self._errors[bus] = time_s[wrong]
+        remotes = self._remotes.setdefault(bus, {})
+        for place in np.flatnonzero(columns.is_base_remote & ~wrong):
+            remotes.setdefault(int(columns.can_id[place]), []).append(float(time_s[place]))
+        senders = self._senders.setdefault(bus, {})
         at = np.flatnonzero(columns.is_base_data & ~wrong)
         can_id = columns.can_id[at]
         # By identifier, those of one in their order.
         order = np.argsort(can_id, kind="stable")
         at, can_id = at[order], can_id[order]
         firsts = np.flatnonzero(np.diff(can_id, prepend=-1))
-        lengths, data = columns.lengths, columns.data
+        lengths, data, origins = columns.lengths, columns.data, columns.records["origin"]
         found: dict[int, Frames] = {}
         for first, last in zip(firsts, [*firsts[1:], len(at)], strict=True):
             some = at[first:last]
             size = lengths[some]
-            found[int(can_id[first])] = Frames(
-                time_s[some], size, data[some][np.arange(data.shape[1]) < size[:, None]]
-            )
+            one = int(can_id[first])
+            found[one] = Frames(time_s[some], size, data[some][np.arange(data.shape[1]) < size[:, None]])
+            senders[one] = {columns.kinds[origin][0] for origin in np.unique(origins[some])}
         return found
 
     def behind_errors(self, bus: str, times: NDArray[np.float64], span_s: float) -> NDArray[np.bool_] | None:

@@ -57,6 +57,27 @@ def test_a_copy_is_the_run_that_was_disturbed_there():
 
 
 @pytest.mark.exhaustive
+def test_copies_share_no_file():
+    """A recording that goes to disk before the motion and during it is that of the run alone: copies that run
+    at the same time write into no file of the others.
+    """
+
+    def on_disk(bench):
+        bench.scheduler.every(20_000_000, lambda: bench.recorder.store(frames_kept=7, events_kept=2))
+        enable(bench)
+
+    def short(bench):
+        bench.wait_until(bench.axis().move_absolute(10.0, Velocity=VELOCITY).done, 3.0, "moved")
+
+    stimuli, options = ("drive.fault:code=0x2310", "operator.halt"), {"before": on_disk, "watch_s": 0.3}
+    found = sweep("reference", short, stimuli, every=40, jobs=2, **options)
+    for branch in (found.of(found.stimuli[0])[0], found.of(found.stimuli[1])[1]):
+        alone = witness("reference", short, branch.stimulus, branch.cycle, **options)
+        assert alone.trace.digest() == branch.digest
+        assert alone.row["reaction"] == branch.reaction
+
+
+@pytest.mark.exhaustive
 def test_the_numbers_are_those_of_the_stop():
     """MC_Halt at constant velocity takes v/a + a/j and half of v times it; a fault of the drive is another
     class of reaction.
