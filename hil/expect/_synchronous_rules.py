@@ -24,9 +24,12 @@ Flags = NDArray[np.bool_]
 Finding = tuple[float, str]
 
 JOBS: Final = frozenset(
-    {"MC_GearIn", "MC_GearInPos", "MC_GearInVelocity", "MC_GearOut", "MC_CamIn", "MC_CamOut"}
-)
-"""Instructions whose jobs follow or leave a leading value."""
+    {
+        "MC_GearIn", "MC_GearInPos", "MC_GearInVelocity", "MC_GearOut", "MC_CamIn", "MC_CamOut",
+        "MC_PhasingAbsolute", "MC_PhasingRelative", "MC_OffsetAbsolute", "MC_OffsetRelative",
+    }
+)  # fmt: skip
+"""Instructions whose jobs follow or leave a leading value, or shift a value of one that does."""
 ENDLESS: Final = frozenset({"MC_GearIn", "MC_GearInPos", "MC_GearInVelocity"})
 """Those that have no `Done` (SYN-135, SYN-148, SYN-165)."""
 LEAVING: Final = frozenset({"MC_GearOut", "MC_CamOut"})

@@ -274,6 +274,7 @@ def bench_file(name):
         *few("testcases.campaigns.synchronising:ROUND", [synchronising.TURNING]),
         *few("testcases.campaigns.synchronous_jobs:WITH_LINE", [synchronous_jobs.CAMPAIGN]),
         *few("testcases.campaigns.leading_values:ACTUAL", [leading_values.COUPLINGS]),
+        *few("testcases.campaigns.leading_values:DIFFERENT", [leading_values.OTHER_VALUES]),
         *few("testcases.campaigns.leading_values:MODULO", [leading_values.RANGES]),
         *few("testcases.campaigns.leading_values:ACROSS", [leading_values.PROXIES]),
     ],

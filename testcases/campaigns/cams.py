@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
-from math import nan, pi, sin, sqrt
+from math import asin, nan, pi, sin, sqrt
 from typing import Any, Final
 
 from hil.bench import BenchFile
 from hil.campaign import Campaign, CaseContext
-from motion.kernel.cams import Segment
+from motion.kernel.cams import End, Point, Segment, transition
+from motion.kernel.cams.elements import inverse_sine, polynomial, sine
 from testcases.campaigns.support import equal
 
 _LAWS: Final[dict[str, tuple[float, float, float, float]]] = {
@@ -346,3 +348,197 @@ def no_cam(ctx: CaseContext) -> None:
     ctx.wait_until(job.done, 1.0, "the cam has restarted")
     equal(ctx, "not interpolated", int(cam.var("StatusWord")) & _INTERPOLATED, 0, "CAM-026")
     equal(ctx, "point of the project", cam.var("ValidPoint[4]"), 0, "CAM-026")
+
+
+_TASKS: Final[dict[str, dict[str, Any]]] = {
+    "straight-line": {"law": "straight_line", "ends": (7.0 / 44.0, None, 7.0 / 44.0, None)},
+    "parabola": {"law": "quadratic_parabola"},
+    "parabola-turning": {"law": "quadratic_parabola", "lam": 0.37},
+    "parabola-slopes": {"law": "quadratic_parabola", "ends": (0.2, None, 1.3, None), "lam": 0.41},
+    "sine": {"law": "simple_sine", "lam": 0.62},
+    "polynomial": {"law": "polynomial", "ends": (0.7, 0.03, -0.4, -0.05)},
+    "polynomial-turning": {"law": "polynomial", "ends": (0.5, 0.02, 0.3, -0.03), "lam": 0.45},
+    "polynomial-acceleration": {"law": "polynomial", "ca": 7.5},
+    "polynomial-back": {"law": "polynomial", "ends": (0.3, None, 0.0, None), "high": 12.0},
+    "inclined-sine": {"law": "inclined_sine", "lam": 0.43},
+    "inclined-sine-deceleration": {"law": "inclined_sine", "ca_star": 7.4},
+    "modified-sine": {"law": "modified_sine", "ends": (0.3, None, 0.8, None), "lam": 0.56},
+    "modified-sine-rest": {"law": "modified_sine", "ends": (None, None, 0.8, None)},
+    "trapezoid": {"law": "modified_trapezoid", "lam": 0.44},
+    "trapezoid-reversal": {"law": "modified_trapezoid", "turns": (False, True)},
+    "trapezoid-from-reversal": {"law": "modified_trapezoid", "turns": (True, False), "lam": 0.42},
+    "harmonic": {"law": "harmonic_combination", "turns": (False, True), "ends": (0.4, None, None, None)},
+    "harmonic-back": {
+        "law": "harmonic_combination",
+        "turns": (True, False),
+        "ends": (None, None, 0.35, None),
+    },
+    "sine-line": {"law": "sine_straight_line", "turns": (True, True), "share": 0.6, "lam": 0.45},
+    "sine-alone": {"law": "sine_straight_line", "turns": (True, True), "share": 1.0},
+    "seventh-order": {"law": "polynomial_4567"},
+    "cubic": {"law": "polynomial_3"},
+}
+"""Laws with slopes and bends at their ends, reversals, turning points and greatest accelerations."""
+
+
+@CAMPAIGN.product(
+    "task/{name}",
+    parameters={"name": tuple(_TASKS)},
+    title="Transition {name}",
+    requirements=("CAM-104", "CAM-161"),
+)
+def task(ctx: CaseContext, name: str) -> None:
+    """What a law makes of its ends is copied to a cam: value, slope and bend at the ends are those asked
+    for, each derivative is that of the one before, and the turning point is where it shall be.
+    """
+    given = dict(_TASKS[name])
+    law, ends, high = given.pop("law"), given.pop("ends", (None,) * 4), given.pop("high", 19.0)
+    turns = given.pop("turns", (False, False))
+    start = End(3.0, 12.0, ends[0] or 0.0, ends[1], turns[0])
+    end = End(47.0, high, ends[2] or 0.0, ends[3], turns[1])
+    elements = transition(law, start, end, **given)
+    cam = ctx.bench.cam("blank")
+    job = cam.copy([(one.x, one.y) for one in elements.points], segments=list(elements.segments))
+    ctx.wait_until(job.ended, 1.0, "the copy is over")
+    equal(ctx, "ErrorID of the copy", job.ErrorID, 0)
+    ready(ctx, "blank")
+    number = 89
+    rows = read(ctx, cam, grid(3.0, 47.0, number))
+    equal(ctx, "value at the start", rows[0][0], 12.0, "CAM-186", within=1e-6)
+    equal(ctx, "value at the end", rows[-1][0], high, "CAM-186", within=1e-6)
+    equal(ctx, "slope at the start", rows[0][1], ends[0] or 0.0, within=1e-6)
+    equal(ctx, "slope at the end", rows[-1][1], ends[2] or 0.0, within=1e-6)
+    for words, wanted, row in (("start", ends[1], rows[0]), ("end", ends[3], rows[-1])):
+        if wanted is not None:
+            equal(ctx, f"bend at the {words}", row[2], wanted, within=1e-6)
+    step = 0.5
+    for order, words in enumerate(("slope", "bend")):
+        rises = [(b[order] - a[order]) / step for a, b in pairwise(rows)]
+        between = [0.5 * (a[order + 1] + b[order + 1]) for a, b in pairwise(rows)]
+        scale = max(map(abs, between)) + 1e-6
+        # Laws with steps of the acceleration have them inside of a single step.
+        wrong = sorted(abs(rise - mean) / scale for rise, mean in zip(rises, between, strict=True))
+        ctx.measure(f"{words} off the difference below it", wrong[-5], high=0.02)
+    if "lam" in given and law == "polynomial":
+        (middle,) = read(ctx, cam, [3.0 + 44.0 * given["lam"]])
+        equal(ctx, "bend at the turning point", middle[2], 0.0, "CAM-161", within=1e-6)
+    elif "lam" in given and ends == (None,) * 4 and law != "sine_straight_line":
+        # The bend changes its sign where the acceleration ends.
+        bends = [row[2] * (high - 12.0) for row in rows[1:-1]]
+        signs = [at for at, (a, b) in enumerate(pairwise(bends), 1) if a > 1e-9 >= b]
+        ctx.measure("changes from acceleration to deceleration", len(signs), low=1.0, high=1.0)
+        equal(ctx, "turning point", signs[0] / (number - 1), given["lam"], "CAM-161", within=0.03)
+    _found_again(ctx, cam, rows, grid(3.0, 47.0, number))
+    for key, sign in (("ca", 1.0), ("ca_star", -1.0)):
+        if key in given:
+            most = max(sign * row[2] for row in rows) * 44.0**2 / (high - 12.0)
+            equal(ctx, key, most, given[key], "CAM-161", within=0.02 * given[key])
+
+
+def _found_again(
+    ctx: CaseContext, cam: Any, rows: list[tuple[float, float, float]], places: list[float]
+) -> None:
+    """Look for leading values of following values; expect those of the curve that was read, in the
+    direction asked for.
+    """
+    values = [row[0] for row in rows]
+    low, high, near = min(values), max(values), 21.0
+    for share in (0.27, 0.61, 0.88):
+        level = low + share * (high - low)
+        crossed = [
+            x + (level - a) / (b - a) * (places[1] - places[0])
+            for x, a, b in zip(places, values, values[1:], strict=False)
+            if (a - level) * (b - level) < 0.0
+        ]
+        for direction in (1, 2, 3):
+            ahead = [x for x in crossed if direction == 3 or (x >= near if direction == 1 else x <= near)]
+            job = cam.leading_value(level, near, ApproachDirection=direction)
+            ctx.wait_until(job.ended, 1.0, "the search is over")
+            words = f"{level:.4g} from {near:g} in direction {direction}"
+            if not ahead:
+                equal(ctx, f"ErrorID of {words}", job.ErrorID, 0x8066, "CAM-066")
+                continue
+            wanted = min(ahead, key=lambda x: abs(x - near))
+            equal(ctx, f"place of {words}", job.Value, wanted, "CAM-057", within=0.05)
+
+
+@CAMPAIGN.case("cyclic-errors", requirements=("CAM-233", "CAM-235", "CAM-227"))
+def cyclic_errors(ctx: CaseContext) -> None:
+    """A value outside of the cam ends the reading with 16#8064, until another edge of Enable; wrong
+    scalings have their ErrorIDs; outputs are zero without Enable.
+    """
+    cam = ready(ctx, "linear")
+    job = cam.following_value_cyclic(4.0)
+    ctx.run_for(0.008)
+    equal(ctx, "Valid, Busy", job.Valid + job.Busy, 2)
+    for place, valid in ((50.0, 1), (50.001, 0), (20.0, 0)):
+        job.set(LeadingValue=place)
+        ctx.run_for(0.008)
+        equal(ctx, f"Valid at {place}", job.Valid, valid, "CAM-235")
+        equal(ctx, f"Error at {place}", job.Error, not valid, "CAM-235")
+        equal(ctx, f"ErrorID at {place}", job.ErrorID, 0 if valid else 0x8064, "CAM-235")
+    job.set(Enable=False)
+    ctx.run_for(0.008)
+    equal(ctx, "outputs without Enable", job.Valid + job.Error + job.ErrorID + job.Busy, 0)
+    job.set(Enable=True)
+    ctx.run_for(0.008)
+    equal(ctx, "Valid behind another edge", job.Valid, 1, "CAM-235")
+    for inputs, error_id in (
+        ({"MasterScaling": 0.0}, 0x8023),
+        ({"MasterOffset": nan}, 0x8021),
+        ({"SlaveOffset": nan}, 0x8022),
+        ({"SlaveScaling": nan}, 0x8024),
+    ):
+        wrong = cam.following_value_cyclic(4.0, **inputs)
+        ctx.run_for(0.008)
+        equal(ctx, f"ErrorID with {inputs}", wrong.ErrorID, error_id, "CAM-227")
+
+
+@CAMPAIGN.case("elements", requirements=("CAM-020", "CAM-029", "CAM-030"))
+def element_kinds(ctx: CaseContext) -> None:
+    """Sines, polynomials up to the seventh order, inverse sines and groups of points are their formulas in
+    the cam.
+    """
+    coefficients = (1.0, -0.4, 0.05, 0.02, -0.003, 1e-4, -2e-6, 1e-7)
+
+    def power(x: float) -> float:
+        return sum(one * (x - 2.0) ** order for order, one in enumerate(coefficients))
+
+    cases: list[tuple[str, Any, Callable[[float], float], float, float, float]] = [
+        (
+            "sine",
+            sine(2.0, 14.0, offset=3.0, amplitude=2.5, rate=0.4, phase=0.3),
+            lambda x: 3.0 + 2.5 * sin(0.4 * (x - 2.0) + 0.3),
+            2.0,
+            14.0,
+            1e-9,
+        ),
+        ("seventh order", polynomial(2.0, 14.0, coefficients), power, 2.0, 14.0, 2e-3),
+        (
+            "sixth order",
+            polynomial(2.0, 14.0, coefficients[:7]),
+            lambda x: power(x) - coefficients[7] * (x - 2.0) ** 7,
+            2.0,
+            14.0,
+            1e-9,
+        ),
+        (
+            "inverse sine",
+            inverse_sine(Point(2.0, 1.0), Point(14.0, 9.0), first=-0.8, last=0.6, approximation=200),
+            lambda x: (
+                1.0 + 8.0 * (asin(-0.8 + 1.4 * (x - 2.0) / 12.0) - asin(-0.8)) / (asin(0.6) - asin(-0.8))
+            ),
+            2.0,
+            14.0,
+            1e-4,
+        ),
+    ]
+    for name, elements, law, low, high, within in cases:
+        cam = ctx.bench.cam("blank")
+        job = cam.copy([(one.x, one.y) for one in elements.points], segments=list(elements.segments))
+        ctx.wait_until(job.ended, 1.0, "the copy is over")
+        ready(ctx, "blank")
+        places = grid(low, high, 25)
+        rows = read(ctx, cam, places)
+        wrong = max(abs(row[0] - law(x)) for row, x in zip(rows, places, strict=True))
+        ctx.measure(f"{name}: off its formula", wrong, high=within, requirements=("CAM-020",))

@@ -4,6 +4,7 @@ round, wrap, or are not position-controlled.
 
 from __future__ import annotations
 
+from math import copysign
 from typing import Any, Final
 
 from hil.bench import BenchFile, load_bench
@@ -500,3 +501,159 @@ def control_off(ctx: CaseContext, phase: str) -> None:
         no_alarm(since=applied(), axis=LEADER),
     )
     ctx.measure(f"ErrorID of {job.name}", job.ErrorID, low=0x8001, high=0x8001)
+
+
+# -- extrapolation -------------------------------------------------------------------------------------------
+
+_CYCLE_S: Final = 0.004
+_DELAY_S: Final = 0.0094
+"""Delay of the setpoint that local followers get, no whole number of cycles."""
+DIFFERENT: Final[BenchFile] = load_bench(BENCH).configured(
+    {
+        "axis": {
+            LEADER: {
+                "variables": {
+                    "Extrapolation.Settings.SystemDefinedExtrapolation": 0,
+                    "Extrapolation.Settings.ExtrapolatedVelocityMode": 1,
+                    "CrossPlcSynchronousOperation.LocalLeadingValueDelayTime": _DELAY_S,
+                }
+            },
+            FOLLOWER: {"coupling": {LEADER: "actual"}},
+        }
+    }
+)
+"""The bench whose leading axis gives a delayed setpoint, and a velocity by differences."""
+USUAL_VALUES: Final = Campaign("extrapolated values", tags=("synchronous",), bench=f"{_HERE}:ACTUAL")
+OTHER_VALUES: Final = Campaign("differentiated values", tags=("synchronous",), bench=f"{_HERE}:DIFFERENT")
+_EXTRAPOLATION: Final[tuple[dict[str, float], ...]] = (
+    {"FollowingAxisDependentTime": 0.011},
+    {"PositionFilter.T1": 0.02, "PositionFilter.T2": 0.007, "FollowingAxisDependentTime": 0.005},
+    {"VelocityFilter.T1": 0.03, "VelocityFilter.T2": 0.012},
+    {"VelocityTolerance.Range": 9.0, "PositionFilter.T2": 0.013},
+    {"Hysteresis.Value": 0.7, "FollowingAxisDependentTime": 0.003},
+    {
+        "VelocityFilter.T1": 0.01,
+        "PositionFilter.T1": 0.006,
+        "VelocityTolerance.Range": 4.0,
+        "Hysteresis.Value": 0.2,
+    },
+)
+"""Filters, tolerance, hysteresis and times, one set after the other."""
+
+
+class _LowPass:
+    """Two low-passes in series, by backward differences."""
+
+    def __init__(self, value: float) -> None:
+        self.first = self.second = value
+
+    def step(self, value: float, t1: float, t2: float) -> float:
+        self.first += (value - self.first) * _CYCLE_S / (t1 + _CYCLE_S)
+        self.second += (self.first - self.second) * _CYCLE_S / (t2 + _CYCLE_S)
+        return self.second
+
+
+def _extrapolated(ctx: CaseContext, *, system: bool, differences: bool) -> None:
+    """Compare the extrapolated value of the leading axis with its formula in every cycle."""
+    here = machine(ctx)
+    leader = here.leader
+    base = float(leader.var("Extrapolation.LeadingAxisDependentTime"))
+    ctx.measure(
+        "time of the leading axis", base, "s", low=_CYCLE_S, high=4.0 * _CYCLE_S, requirements=("SYN-052",)
+    )
+    names = sorted({name for row in _EXTRAPOLATION for name in row})
+    for row in _EXTRAPOLATION:
+        words = ", ".join(f"{name} {value:g}" for name, value in row.items())
+        ctx.do(words)
+        for name in names:
+            leader.write(f"Extrapolation.{name}", 0.0)
+        ctx.run_for(0.02)
+        for name in names:
+            leader.write(f"Extrapolation.{name}", row.get(name, 0.0))
+        worst = _compared(ctx, here, row, base, system=system, differences=differences)
+        for text, value, identifier in zip(
+            ("filtered position", "filtered velocity", "extrapolated position", "extrapolated velocity"),
+            worst, ("VAR-189", "SYN-064", "SYN-066", "SYN-067"), strict=True,
+        ):  # fmt: skip
+            ctx.measure(f"{words}: {text} off its formula", value, high=1e-4, requirements=(identifier,))
+
+
+def _compared(
+    ctx: CaseContext, here: Machine, row: dict[str, float], base: float, *, system: bool, differences: bool
+) -> list[float]:
+    """Return the greatest deviations of one set of values, while the leading axis turns round."""
+    leader = here.leader
+
+    def get(name: str) -> float:
+        return row.get(name, 0.0)
+
+    t1, t2 = (get(f"PositionFilter.T{one}") for one in (1, 2))
+    v1, v2 = (get(f"VelocityFilter.T{one}") for one in (1, 2))
+    width, back = get("VelocityTolerance.Range"), get("Hysteresis.Value")
+    time_s = get("FollowingAxisDependentTime") + (base + t1 + t2 if system else 0.0)
+    # It stands: everything is settled at the present value.
+    ctx.run_for(0.3)
+    place, speed = _LowPass(leader.var("ActualPosition")), _LowPass(leader.var("ActualVelocity"))
+    band = speed.second
+    held = last = place.second + band * time_s
+    sense = 0.0
+    worst = [0.0] * 4
+    for number in range(75):
+        if number in {0, 25, 50}:
+            here.lead((60.0, -45.0, 0.0)[number // 25], Acceleration=1900.0, Deceleration=1700.0, Jerk=0.0)
+        ctx.run_for(_CYCLE_S)
+        position, velocity = leader.var("ActualPosition"), leader.var("ActualVelocity")
+        filtered = place.step(position, t1 if system else 0.0, t2 if system else 0.0)
+        smooth = speed.step(velocity, v1, v2)
+        if abs(smooth - band) > 0.5 * width:
+            band = smooth - copysign(0.5 * width, smooth - band)
+        wanted = filtered + band * time_s
+        change = wanted - held
+        if change and (change * sense >= 0.0 or abs(change) >= back):
+            sense, held = copysign(1.0, change), wanted
+        faster = (held - last) / _CYCLE_S if differences else band
+        last = held
+        names = ("FilteredPosition", "FilteredVelocity", "ExtrapolatedPosition", "ExtrapolatedVelocity")
+        shown = [leader.var(f"StatusExtrapolation.{name}") for name in names]
+        for at, (value, one) in enumerate(zip((filtered, band, held, faster), shown, strict=True)):
+            # Before it has moved, the direction of the last change is not known.
+            if at < 2 or number >= 20:
+                worst[at] = max(worst[at], abs(value - one))
+    return worst
+
+
+@USUAL_VALUES.case("formula", requirements=("SYN-052", "SYN-064", "SYN-066"))
+def extrapolated(ctx: CaseContext) -> None:
+    """Filters, tolerance band, hysteresis and times make of the actual value what followers get, in each
+    cycle.
+    """
+    _extrapolated(ctx, system=True, differences=False)
+
+
+@OTHER_VALUES.case("formula", requirements=("SYN-065", "SYN-067"))
+def differentiated(ctx: CaseContext) -> None:
+    """Without the times of the leading axis its position is not filtered; the velocity is the change of the
+    extrapolated position.
+    """
+    _extrapolated(ctx, system=False, differences=True)
+
+
+@OTHER_VALUES.case("delayed", requirements=("SYN-070", "SYN-051"))
+def delayed(ctx: CaseContext) -> None:
+    """The delayed setpoint is that of the delay ago, between two cycles too."""
+    here = machine(ctx)
+    here.lead(80.0, Acceleration=900.0, Jerk=0.0)
+    given, worst = [], [0.0, 0.0]
+    for _ in range(60):
+        ctx.run_for(_CYCLE_S)
+        given.append((here.position(here.leader), here.leader.var("Velocity")))
+        if len(given) < 5:
+            continue
+        rest = _DELAY_S / _CYCLE_S - 2.0
+        older, newer = given[-4], given[-3]
+        wanted = [new + (old - new) * rest for old, new in zip(older, newer, strict=True)]
+        prefix = "StatusProvidedLeadingValue.DelayedLeadingValue."
+        shown = [here.leader.var(f"{prefix}{name}") for name in ("Position", "Velocity")]
+        worst = [max(a, abs(b - c)) for a, b, c in zip(worst, wanted, shown, strict=True)]
+    ctx.measure("delayed position off its formula", worst[0], "mm", high=1e-6, requirements=("SYN-070",))
+    ctx.measure("delayed velocity off its formula", worst[1], "mm/s", high=1e-6, requirements=("SYN-070",))

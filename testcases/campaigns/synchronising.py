@@ -81,6 +81,22 @@ def quintic(begin: float, end: float, first: tuple[float, ...], last: tuple[floa
     return lambda x: np.polyval(wanted[::-1], np.asarray(x) - begin)
 
 
+def smooth(ctx: CaseContext, since: float, *, steps: int = 4) -> None:
+    """Measure how far velocity and acceleration are off the changes of position and velocity since an
+    instant; so many cycles may hold a step of the acceleration.
+    """
+    trace = ctx.trace()
+    columns = []
+    for name in ("position_setpoint", "velocity_setpoint", "acceleration_setpoint"):
+        signal = trace[f"{FOLLOWER}.{name}"]
+        columns.append(signal.values[signal.time_s >= since - 1e-9])
+    for low, high, words in ((0, 1, "velocity"), (1, 2, "acceleration")):
+        rise = (columns[low][2:] - columns[low][:-2]) / (2.0 * _CYCLE_S)
+        off = np.sort(np.abs(columns[high][1:-1] - rise))
+        most = float(np.abs(columns[high]).max(initial=0.0))
+        ctx.measure(f"{words}: off the change below it", float(off[-1 - steps]), high=0.03 * most + 1e-6)
+
+
 class Rows(NamedTuple):
     """What is recorded of the follower since an instant."""
 
@@ -197,6 +213,7 @@ def way(ctx: CaseContext, function: str, profile: int, leading: float, own: floa
     step = abs(leading) * _CYCLE_S
     equal(ctx, "begin of the way", float(sense * (inside[0] - begin)), 0.5 * step, within=0.5 * step + _NEAR)
     equal(ctx, "end of the way", float(sense * (end - inside[-1])), 0.5 * step, within=0.5 * step + _NEAR)
+    smooth(ctx, float(found.time_s[before + 2]), steps=6)
     late = float(shown_in_sync - found.time_s[found.phase == _SYNCHRONOUS][0])
     equal(ctx, "InSync after the axis is synchronous", late, 0.5 * _CYCLE_S, "SYN-155", within=1.1 * _CYCLE_S)
     ctx.expect(no_alarm())
@@ -288,6 +305,7 @@ def dynamic(ctx: CaseContext, function: str, leading: float, target: float) -> N
     slopes = np.diff(velocity[inside[1:]]) / _CYCLE_S
     most = max(_DYNAMICS["Acceleration"], _DYNAMICS["Deceleration"])
     ctx.measure("greatest acceleration", float(np.abs(slopes).max()), "mm/s2", high=1.02 * most)
+    smooth(ctx, begun, steps=14)
     ctx.measure(
         "greatest velocity", float(np.nanmax(np.abs(velocity))), "mm/s", high=1.001 * _DYNAMICS["Velocity"]
     )
@@ -626,6 +644,7 @@ def leave(ctx: CaseContext, function: str, profile: int, leading: float) -> None
             "deceleration", float(np.median(steady)), "mm/s2", low=0.98 * braking, high=1.02 * braking
         )
     equal(ctx, "place", here.position(follower), place, "SYN-206", within=_NEAR)
+    smooth(ctx, float(found.time_s[going][0]), steps=10)
     ctx.run_for(0.02)
     _shown(ctx, follower, WaitingFunctionState=0, FunctionState=0, ActualMaster=0, ActualCam=0)
     equal(ctx, "velocity", follower.var("Velocity"), 0.0)
@@ -798,21 +817,57 @@ def modulo_way(ctx: CaseContext, profile: int, direction: int, leading: float) -
     ctx.expect(no_alarm())
 
 
+@TURNING.product(
+    "leave/{profile}/{direction}",
+    parameters={"profile": (0, 1), "direction": (1, 2, 3)},
+    title="modulo axes: leave with SyncProfileReference {profile}, SyncOutDirection {direction}",
+    requirements=("SYN-206", "SYN-438"),
+)
+def modulo_leave(ctx: CaseContext, profile: int, direction: int) -> None:
+    """The axis stops at the place of the next turn; in the direction that it may not go the job waits
+    until the leading axis has turned round.
+    """
+    here = _placed(ctx, 40.0, leader=10.0)
+    follower = here.follower
+    job = follower.gear_in(here.leader, 3, 4, **_QUICK)
+    ctx.wait_until(job.in_gear, 1.0, "the axis is in gear")
+    _moving(ctx, here.leader, 90.0)
+    inputs = {"MasterStopDistance": 14.0} if profile else {"Deceleration": 700.0, "Jerk": 0.0}
+    place = here.position(follower) - 9.0
+    out = follower.gear_out(place, SyncProfileReference=profile, SyncOutDirection=direction, **inputs)
+    if direction == 2:
+        ctx.run_for(1.5)  # more than a turn
+        equal(ctx, "it waits", out.Busy - out.StartSyncOut, 1, "SYN-438")
+        here.lead(-90.0, **_QUICK)
+    since = ctx.now_s
+    ctx.wait_until(out.done, 3.0, "the axis has left")
+    off = (here.position(follower) - place) % 85.0
+    equal(ctx, "place", min(off, 85.0 - off), 0.0, "SYN-206", within=_NEAR)
+    found = rows(ctx, since)
+    steps = np.diff(np.unwrap(found.setpoint[found.phase == _LEAVING], period=85.0))
+    ahead = -steps if direction == 2 else steps
+    ctx.measure("greatest step back", -float(ahead.min()), "mm", high=1e-6, requirements=("SYN-438",))
+    ctx.expect(no_alarm())
+
+
 # -- refused -------------------------------------------------------------------------------------------------
 
 _BIG: Final = 1.01e12
 _REFUSED: Final[dict[str, tuple[tuple[str, float, int], ...]]] = {
     "gear_in": (
+        ("Master", None, 0x8002),
         ("RatioNumerator", 0, 0x8017), ("RatioNumerator", 1 << 31, 0x8017), ("RatioNumerator", 1.5, 0x8017),
         ("RatioNumerator", -(1 << 31) - 1, 0x8017), ("RatioDenominator", 0, 0x8018),
         ("RatioDenominator", -1, 0x8018), ("RatioDenominator", 1 << 31, 0x8018),
         ("Acceleration", 0.0, 0x8004), ("Deceleration", 0.0, 0x8005), ("Jerk", nan, 0x8006),
     ),
     "gear_in_velocity": (
+        ("Master", None, 0x8002),
         ("RatioNumerator", 0, 0x8017), ("RatioDenominator", 0, 0x8018), ("Acceleration", 0.0, 0x8004),
         ("Deceleration", 0.0, 0x8005), ("Jerk", nan, 0x8006),
     ),
     "gear_in_pos": (
+        ("Master", None, 0x8002),
         ("RatioNumerator", 0, 0x8017), ("RatioDenominator", 0, 0x8018), ("MasterSyncPosition", _BIG, 0x8034),
         ("MasterSyncPosition", nan, 0x8034), ("SlaveSyncPosition", -_BIG, 0x8035),
         ("SyncProfileReference", 2, 0x8036), ("SyncProfileReference", 5, 0x8036),
@@ -825,6 +880,7 @@ _REFUSED: Final[dict[str, tuple[tuple[str, float, int], ...]]] = {
         ("Jerk", nan, 0x8006), ("SyncDirection", 0, 0x8007),
     ),
     "cam_in": (
+        ("Master", None, 0x8002),
         ("MasterOffset", _BIG, 0x8021), ("MasterOffset", nan, 0x8021), ("SlaveOffset", _BIG, 0x8022),
         ("MasterScaling", 0.0, 0x8023), ("MasterScaling", nan, 0x8023), ("SlaveScaling", nan, 0x8024),
         ("MasterStartDistance", 0.0, 0x8026), ("ApplicationMode", 3, 0x8027), ("ApplicationMode", -1, 0x8027),
