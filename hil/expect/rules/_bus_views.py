@@ -6,7 +6,9 @@ from bisect import bisect_left, bisect_right
 from functools import cached_property
 from typing import Final, NamedTuple
 
-from hil.expect.rules._definition import Excuses
+import numpy as np
+
+from hil.expect.rules._definition import Excuses, Numbers
 from hil.expect.rules._views import TraceView
 
 NODES: Final = range(1, 128)
@@ -82,6 +84,22 @@ class BusView:
     def end_s(self) -> float:
         """End of the trace, s."""
         return self.whole.trace.end_ns * 1e-9
+
+    @cached_property
+    def _ends(self) -> Numbers:
+        """When the data frames of the bus have ended, s."""
+        frames = self.whole.frames
+        parts = [frames.of(self.name, one).time_s for one in frames.identifiers(self.name)]
+        return np.sort(np.concatenate(parts)) if parts else np.empty(0)
+
+    def busy(self, begin_s: float, end_s: float) -> bool:
+        """Return whether one frame has followed the other from one time to another: what was to be sent then
+        may have waited for all of them.
+        """
+        ends = self._ends
+        within = ends[np.searchsorted(ends, begin_s) : np.searchsorted(ends, end_s + 1e-9)]
+        gaps = np.diff(within, prepend=begin_s)
+        return len(within) > 0 and bool((gaps <= 1.2 * self.frame_s).all())
 
     def asked(self, can_id: int) -> list[float]:
         """Return when remote frames of an identifier have ended, s."""
