@@ -104,7 +104,11 @@ def _positions(one: Object) -> dict[str, float]:
     if f"{first}.Adjusted" in known:
         shown[f"StatusWord.X{_HOMED}"] = 1.0
     if "StatusPositioning.Distance" in paths:
-        shown["StatusPositioning.Distance"] = -here
+        whole = here + float(one.var("ActualModuloCycle")) * float(one.var("Modulo.Length"))
+        shown["StatusPositioning.Distance"] = -whole
+        limits = [float(one.var(f"PositionLimits_SW.{end}Position")) for end in ("Min", "Max")]
+        if one.var("PositionLimits_SW.Active") and f"StatusWord.X{_HOMED}" in shown:
+            shown |= {"StatusWord.X15": here <= limits[0], "StatusWord.X16": here >= limits[1]}
     return shown
 
 
@@ -150,7 +154,7 @@ def _stir(ctx: CaseContext) -> None:
         ctx.wait_until(axis.power().status, 5.0, f"{name} is enabled")
         fast = 0.2 * float(axis.var("DynamicLimits.MaxVelocity"))
         if axis.object.has_position:
-            ctx.wait_until(axis.home(3.0).done, 3.0, f"{name} is homed")
+            ctx.wait_until(axis.home(own(ctx).still * 7.0).done, 3.0, f"{name} is homed")
             axis.move_relative(own(ctx).still * 100.0, Velocity=fast)
             ctx.run_for(0.06)
             axis.move_superimposed(own(ctx).still * 30.0, VelocityDiff=0.1 * fast)
