@@ -72,6 +72,7 @@ SHIPPED: Final = (
     ShippedCampaign("canopen_device", seeding=("own",)),
     ShippedCampaign("device_objects", seeding=("own",)),
     ShippedCampaign("device_again", seeding=("own",)),
+    ShippedCampaign("machine_law", seeding=("own",)),
     ShippedCampaign("canopen_master", seeding=("own",)),
     ShippedCampaign(
         "fault_ends", seeding=("own", f"{PACKAGE}.fault_ends:GUARDED", "analog", "stepper", "profidrive_rtu")

@@ -467,6 +467,34 @@ def first_target(ctx: CaseContext) -> None:
     node.shows(0x6064, there, within=REV / 100)
 
 
+@CAMPAIGN.product(
+    "set-point-counts-again/{mode}-{word:x}",
+    parameters={"mode": (2, 3, 9, 10), "word": (0x07, 0x06, 0x00)},
+    title="mode {mode}, left by {word:X}h and entered again",
+)
+def counts_again(ctx: CaseContext, mode: int, word: int) -> None:
+    """A set-point that was there before an operation ended counts again with the next one, unchanged."""
+    node = drive(ctx)
+    node.write(0x605B, 1)
+    index, value = {2: (0x6042, 240), 3: (0x60FF, 240_000), 9: (0x60FF, 240_000), 10: (0x6071, 40)}[mode]
+    node.write(index, value)
+    found = []
+    for _ in range(2):
+        node.enable(mode)
+        node.control(READY.get(mode, 0x0F), 0.15)
+        found.append(speed(ctx))
+        node.control(word, 0.4)
+        if mode == 10 or not word:
+            # It coasts: the machine is held.
+            node.control(0x00, 0.01)
+            ctx.inject("mechanics.jam", DRIVE, duration_s=0.1)
+            ctx.run_for(0.15)
+        node.equal(f"speed after {word:02X}h", speed(ctx), 0.0, within=0.5)
+        node.control(0x00, 0.3)
+    node.equal("speed of the first time", abs(found[0]) > 100.0, 1)
+    node.equal("speed of the second time", found[1], found[0], within=25.0)
+
+
 # -- homing in the drive -----------------------------------------------------------------------------------
 
 NLS, PLS, CAM = -45.0, 61.0, (-30.0, -12.5)

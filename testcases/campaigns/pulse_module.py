@@ -246,3 +246,21 @@ def speed(ctx: CaseContext) -> None:
         counted = rig.got["G1_XIST1"]
         counted -= (counted >= 1 << 31) << 32
         equal(ctx, "G1_XIST1", counted, rig.count, "PTO-011", within=abs(45 * share) + 1)
+
+
+@CAMPAIGN.case("cut-off-on-a-ramp")
+def cut_off(ctx: CaseContext) -> None:
+    """OFF2 in the middle of a ramp ends the pulses at once and for good: up, down, to the other side."""
+    for direction in (1, -1):
+        for first, second in ((0.5, None), (0.8, 0.2), (0.5, -0.5)):
+            rig = Rig(ramp_stop_ms=400)
+            rig.start(round(MAXIMUM * first) * direction, seconds=0.06)
+            if second is not None:
+                rig(nsoll=round(MAXIMUM * second) * direction, seconds=0.12)
+            moved = rig.hertz
+            equal(ctx, "moves before OFF2", moved != 0.0, 1)
+            rig(RUN & ~2)
+            counted = rig.count
+            rig(cycles=30)
+            equal(ctx, "frequency after OFF2, Hz", rig.hertz, 0.0, "PTO-291")
+            equal(ctx, "pulses after OFF2", rig.count - counted, 0.0, "PTO-291")
