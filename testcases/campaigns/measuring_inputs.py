@@ -40,9 +40,9 @@ def _bench(name: str) -> BenchFile:
 
 REFERENCE: Final = _bench("reference")
 PROFIDRIVE: Final = _bench("profidrive")
-CAMPAIGN: Final = Campaign("measuring inputs", tags=("measuring",), bench=f"{_HERE}:REFERENCE")
+CAMPAIGN: Final = Campaign("measured workpieces", tags=("measuring",), bench=f"{_HERE}:REFERENCE")
 OF_PROFIDRIVE: Final = Campaign(
-    "measuring inputs of a PROFIdrive drive", tags=("measuring",), bench=f"{_HERE}:PROFIDRIVE"
+    "measured workpieces behind PROFIdrive", tags=("measuring",), bench=f"{_HERE}:PROFIDRIVE"
 )
 
 
