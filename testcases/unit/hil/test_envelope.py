@@ -317,6 +317,43 @@ def test_a_copy_that_fails_is_a_row():
     assert "ZeroDivisionError: careless" in {branch.error for branch in found.branches}
     assert found.failures
 
+    def leaves(bench):
+        bench.run_for(0.02)
+        if bench.port().drive_fault_code:
+            raise SystemExit(3)
+
+    found = sweep("reference", leaves, ["drive.fault:code=0x2310"], before=enable, every=60, watch_s=0.1)
+    assert "SystemExit: 3" in {branch.error for branch in found.branches}
+
+
+@pytest.mark.exhaustive
+def test_an_interrupted_sweep_keeps_what_has_ended(tmp_path):
+    """Ctrl-C ends copies and judges; what they had not finished is no row, and is run by the next sweep."""
+
+    def interrupt(done, _planned):
+        if done == 3:
+            raise KeyboardInterrupt
+
+    options = {"every": 8, "watch_s": 0.2, "folder": tmp_path, "jobs": 2}
+    motion = move_absolute("", 5.0, 200.0)
+    before = children()
+    with pytest.raises(KeyboardInterrupt):
+        sweep("reference", motion, ["operator.halt"], on_branch=interrupt, **options)
+    assert children() == before
+    rows = [json.loads(line) for line in (tmp_path / "branches.jsonl").read_text().splitlines()[1:]]
+    assert len(rows) == 3
+    assert not any(row["error"] for row in rows)
+    found = sweep("reference", motion, ["operator.halt"], resume=True, **options)
+    assert not found.failures
+    assert len(found.branches) > 3
+
+
+def children():
+    """Return the processes that this one has started and not yet waited for."""
+    return {
+        int(one) for file in Path("/proc/self/task").glob("*/children") for one in file.read_text().split()
+    }
+
 
 @pytest.mark.exhaustive
 def test_command(tmp_path, monkeypatch, capsys):
