@@ -46,6 +46,7 @@ from testcases.campaigns import (
     device_again,
     device_objects,
     drive_faults,
+    eds_files,
     encoder_states,
     encoders,
     external_encoder,
@@ -86,6 +87,7 @@ from testcases.campaigns import (
     synchronising,
     synchronous_jobs,
     telegram_faults,
+    time_and_logs,
 )
 
 WHOLE = os.environ.get("HYPOTHESIS_PROFILE") == "nightly"
@@ -232,6 +234,7 @@ def bench_file(name):
         *cases(WITH_ENCODERS.format("PROFIDRIVE"), "profidrive", [external_encoder.CAMPAIGN], sampled=True),
         *some(CAN_BUS, "cia402", [can_bus.CAMPAIGN, canopen_device.CAMPAIGN, can_adapter.CAMPAIGN]),
         *some(CAN_BUS, "cia402", [can_traffic.CAMPAIGN, canopen_master.CAMPAIGN]),
+        *some(CAN_BUS, "cia402", [eds_files.CAMPAIGN, time_and_logs.CAMPAIGN]),
         *some(CAN_BUS, "cia402", [modbus_stations.CAMPAIGN, ads_device.CAMPAIGN, analog_drive.CAMPAIGN]),
         *some("testcases.campaigns.personalities:RETRY", "cia402", [personalities.OF_RETRY]),
         *some(CAN_BUS, "profidrive", [encoder_states.CAMPAIGN, pulse_module.CAMPAIGN, control_unit.CAMPAIGN]),

@@ -225,3 +225,44 @@ def emergency(ctx: CaseContext, code: int, words: str, register: int) -> None:
     equal(
         ctx, f"the end of the error in {found}", bool(found) and found[-1].startswith("EMCY drive1 0000h"), 1
     )
+
+
+FRAMES: Final[tuple[tuple[CanFrame, str], ...]] = (
+    (CanFrame(0, b"\x01\x05"), "NMT start node 5"),
+    (CanFrame(0, b"\x01\x00"), "NMT start all nodes"),
+    (CanFrame(0, b"\x82\x09"), "NMT reset communication node 9"),
+    (CanFrame(0, b"\x03\x05"), "NMT command 03h node 5"),
+    (CanFrame(0, b"\x01"), "NMT malformed 01"),
+    (CanFrame(0x80), "SYNC"),
+    (CanFrame(0x80, b"\x0c"), "SYNC 12"),
+    (CanFrame(0x100, bytes(6)), "TIME"),
+    (CanFrame(0x705, b"\x05"), "heartbeat drive1 Operational"),
+    (CanFrame(0x705, b"\x85"), "heartbeat drive1 Operational, toggle"),
+    (CanFrame(0x705, b"\x84"), "heartbeat drive1 Stopped, toggle"),
+    (CanFrame(0x705, b"\x03"), "heartbeat drive1 state 3"),
+    (CanFrame(0x705, b"\x05\x00"), "error control drive1 malformed 05 00"),
+    (CanFrame(0x709, b"\x7f"), "heartbeat node 9 Pre-operational"),
+    (CanFrame(0x709, b"\x00"), "boot-up node 9"),
+    (CanFrame(0x705, remote=True, dlc=1), "guarding request drive1"),
+    (CanFrame(0x709, remote=True, dlc=1), "guarding request node 9"),
+    (CanFrame(0x185, remote=True, dlc=2), "request for TPDO1 drive1"),
+    (CanFrame(0x333, remote=True), "remote frame 333h"),
+    (CanFrame(0x085, bytes((0x10, 0x23, 3, 1, 2, 0, 0, 0))),
+     "EMCY drive1 2310h continuous overcurrent, register 03h, data 01 02 00 00 00"),
+    (CanFrame(0x085, bytes((0x10, 0x23, 3))), "EMCY drive1 malformed 10 23 03"),
+    (CanFrame(0x089, bytes(8)), "EMCY node 9 0000h error reset or no error, register 00h"),
+    (CanFrame(0x605, b"\x40\x00"), "SDO drive1 malformed 40 00"),
+    (CanFrame(0x185, b"\x37\2\xaa"), "TPDO1 drive1: Statusword 0237h (Operation enabled), 1 byte more"),
+    (CanFrame(0x185, bytes((0x37,))), "TPDO1 drive1: too short, 1 byte more"),
+    (CanFrame(0x12345678, b"\1\2", extended=True), repr(CanFrame(0x12345678, b"\1\2", extended=True))),
+    (CanFrame(0x333, b"\1"), repr(CanFrame(0x333, b"\1"))),
+)  # fmt: skip
+"""Frames and the words for them, for a drive that has the state in its first PDO."""
+
+
+@CAMPAIGN.case("words", requirements=("C301-016", "C301-023", "C301-108"))
+def frames_in_words(ctx: CaseContext) -> None:
+    """Each kind of frame has its words, whole, with the parts that are missing, and of nodes nobody knows."""
+    for frame, words in FRAMES:
+        found = str(ctx.bench.decode(frame))
+        equal(ctx, f"{frame} is {words!r} (it is {found!r})", found == words, 1)

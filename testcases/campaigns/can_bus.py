@@ -904,6 +904,162 @@ def program(ctx: CaseContext) -> None:
     segment.is_so("nodes", [port.name for port in segment.medium.ports], ["a", "b", "c"])
 
 
+ERROR_CLASSES: Final = {
+    "BIT_ERROR": (0x088, 0x01),
+    "FORM_ERROR": (0x088, 0x02),
+    "BIT_STUFFING_ERROR": (0x088, 0x04),
+    "CRC_ERROR": (0x088, 0x00),
+    "ACK_ERROR": (0x0A0, 0x00),
+}
+"""Class and kind in the error frame of SocketCAN (linux/can/error.h)."""
+LOCATIONS: Final = {
+    "id": 0x02, "rtr": 0x0C, "dlc": 0x0B, "data": 0x0A, "crc": 0x08, "crc_delimiter": 0x18, "ack_slot": 0x19,
+    "ack_delimiter": 0x1B, "eof": 0x1A,
+}  # fmt: skip
+
+
+@CAMPAIGN.case("program/errors", requirements=("CANP-077", "CANP-033", "CANP-053"))
+def program_errors(ctx: CaseContext) -> None:
+    """Error frames as SocketCAN has them, of the sender and of another node, with kind, place and counters;
+    the changes to passive, bus-off and back.
+    """
+    for field in LOCATIONS:
+        for sending in (True, False):
+            segment = Segment(ctx, auto_recovery=False)
+            with can.Bus(interface="hil", channel=segment.medium, name="tool", error_frames=True) as bus:
+                tool = segment["tool"]
+                tool.set_error_counters(tec=3, rec=5)
+                while bus.recv(0) is not None:
+                    pass
+                wrong = "ack_slot" if field == "ack_slot" else field
+                segment.corrupt(1, BitError(wrong, 0, frozenset({"tool" if sending else "a"})))
+                if sending:
+                    bus.send(can.Message(arbitration_id=0x555, data=b"\x55", is_extended_id=False))
+                else:
+                    segment["a"].send(CanFrame(0x555, b"\x55"))
+                segment.run_us(90)
+                _, code, place = segment.errors[0]
+                message = bus.recv(0)
+                assert message is not None
+                what = f"{field}, {'own' if sending else 'other'} frame"
+                wanted, kind = ERROR_CLASSES[code]
+                data = bytes(message.data)
+                segment.is_so(f"{what}: an error frame", message.is_error_frame, True, "CANP-077")
+                segment.is_so(f"{what}: class", message.arbitration_id, wanted, "CANP-033")
+                own = sending and segment.errors[0][0] == "tool"
+                if code != "ACK_ERROR":
+                    segment.is_so(f"{what}: kind", data[2], kind | 0x80 * own, "CANP-033")
+                location = 0x08 if code == "CRC_ERROR" else LOCATIONS.get(place, data[3])
+                segment.is_so(f"{what}: place {place}", data[3], location, "CANP-033")
+                segment.is_so(f"{what}: counter of the node", data[6], 11 if own else 3, "CANP-045")
+    segment = Segment(ctx, "ab", auto_recovery=True)
+    with can.Bus(interface="hil", channel=segment.medium, name="tool", error_frames=True) as bus:
+        for tec, wanted in ((128, (0x004, 0x30)), (10, (0x004, 0x40)), (256, (0x040, 0x00))):
+            segment["tool"].set_error_counters(tec=tec)
+            message = bus.recv(0)
+            assert message is not None
+            found = (message.arbitration_id, message.data[1])
+            segment.is_so(f"error frame of a counter of {tec}", found, wanted, "CANP-053")
+            segment.is_so("counter", message.data[6], min(tec, 255), "CANP-077")
+        segment.is_so("state", bus.state, can.BusState.ERROR, "CANP-053")
+
+
+def _refused(ctx: CaseContext, what: str, error: type[Exception], act: Any, *ids: str) -> None:
+    """Expect an exception with words."""
+    found: object = None
+    try:
+        act()
+    except error as reason:
+        found = str(reason)
+    equal(ctx, f"{what} is refused (with {found!r})", bool(found), 1, *ids)
+
+
+@CAMPAIGN.case("program/options", requirements=("CANP-077", "CANP-073"))
+def program_options(ctx: CaseContext) -> None:
+    """A segment by its name, names of nodes, bit rates and CAN FD that fit, own messages, several periodic
+    messages in turn, with an end and with changing content; what cannot be is refused.
+    """
+    segment = Segment(ctx, "ab")
+    fast = CanMedium(segment.scheduler, bitrate=NOMINAL, data_bitrate=DATA, name="fast")
+
+    def make(**options: Any) -> Any:
+        return can.Bus(**({"interface": "hil", "channel": segment.medium} | options))
+
+    wrong = can.CanInitializationError
+    _refused(ctx, "an unknown segment", wrong, lambda: make(channel="nowhere"))
+    _refused(ctx, "what is no segment", wrong, lambda: make(channel=segment))
+    _refused(ctx, "another bit rate", wrong, lambda: make(bitrate=500_000))
+    _refused(ctx, "CAN FD on a classical segment", wrong, lambda: make(fd=True), "CANP-073")
+    _refused(ctx, "another data bit rate", wrong, lambda: make(channel=fast, fd=True, data_bitrate=4_000_000))
+    _refused(ctx, "a name that is taken", wrong, lambda: make(name="a"))
+    ends = [make(channel="lab", bitrate=1_000_000), make(), make(channel=fast, fd=True, data_bitrate=DATA)]
+    segment.is_so("names", [end.port.name for end in ends], ["python-can", "python-can 2", "python-can"])
+    segment.is_so(
+        "protocols", [str(end.protocol) for end in ends], ["CanProtocol.CAN_20"] * 2 + ["CanProtocol.CAN_FD"]
+    )
+    segment.is_so("segment", ends[0].channel_info, "hil segment lab")
+    long = can.Message(arbitration_id=5, data=bytes(12), is_fd=True, is_extended_id=False)
+    _refused(ctx, "a CAN FD message", can.CanOperationError, lambda: ends[0].send(long), "CANP-073")
+    broken = can.Message(is_error_frame=True)
+    _refused(ctx, "an error frame", can.CanOperationError, lambda: ends[0].send(broken))
+    ends[2].send(long)
+    segment.run_us(500)
+    segment.is_so("messages of CAN FD heard by nobody", ends[2].recv(0), None)
+    _refused(ctx, "a time-out that is no number", ValueError, lambda: ends[0].recv(float("nan")))
+    inside: list[Exception] = []
+
+    def read() -> None:
+        try:
+            ends[1].recv(0.1)
+        except can.CanOperationError as reason:
+            inside.append(reason)
+
+    segment.scheduler.after(US, read)
+    segment.run_us(10)
+    segment.is_so("waiting inside of a callback is refused", len(inside), 1)
+    for end in ends:
+        end.shutdown()
+        end.shutdown()
+    _refused(ctx, "a bus that is shut down", can.CanOperationError, lambda: ends[0].recv(0))
+    segment.is_so("nodes", [port.name for port in segment.medium.ports], ["a", "b"])
+    with make(name="tool", receive_own_messages=True) as bus:
+        bus.send(can.Message(arbitration_id=0x10, data=b"own", is_extended_id=False))
+        segment.run_us(200)
+        own = bus.recv(0)
+        assert own is not None
+        segment.is_so("own message", (own.arbitration_id, bytes(own.data), own.is_rx), (0x10, b"own", False))
+        for number in range(3):
+            bus.send(can.Message(arbitration_id=0x20 + number, is_extended_id=False))
+        bus.flush_tx_buffer()
+        count = len(segment.heard("a"))
+        segment.run_us(500)
+        segment.is_so("messages behind a flush", len(segment.heard("a")) - count, 0)
+        two = [can.Message(arbitration_id=number, data=b"\0", is_extended_id=False) for number in (1, 2)]
+
+        def count_up(message: can.Message) -> None:
+            message.data[0] += 1
+
+        for period in (0.0, -1.0, float("inf")):
+            _refused(
+                ctx, f"period {period}", ValueError, lambda period=period: bus.send_periodic(two[0], period)
+            )
+        _refused(
+            ctx, "a negative duration", ValueError, lambda: bus.send_periodic(two[0], 0.01, duration=-1.0)
+        )
+        begun = len(segment.heard("a"))
+        task = bus.send_periodic(two[0], 0.01, duration=0.035, modifier_callback=count_up)
+        ctx.run_for(0.1)
+        found = [(frame.can_id, frame.data) for frame in segment.heard("a")[begun:]]
+        segment.is_so("counted messages", found, [(1, bytes((number,))) for number in (1, 2, 3, 4)])
+        begun = len(segment.heard("a"))
+        task.start()
+        task.start()
+        ctx.run_for(0.005)
+        task.stop()
+        ctx.run_for(0.05)
+        segment.is_so("messages of one that is stopped", len(segment.heard("a")) - begun, 1)
+
+
 @CAMPAIGN.case("figures", requirements=("CANP-032", "CANP-069", "CANP-070"))
 def figures(ctx: CaseContext) -> None:
     """Load and response times of a plan, worked out by hand; how late the frames really were."""

@@ -49,11 +49,11 @@ INVALID: Final = 1 << 31
 
 
 @cache
-def dictionary() -> canopen.ObjectDictionary:
-    """Return the dictionary, read from a file as that of any device."""
+def dictionary(more: str = "") -> canopen.ObjectDictionary:
+    """Return the dictionary, with more objects, read from a file as that of any device."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "small_drive.eds"
-        path.write_text(eds_text(), encoding="utf-8")
+        path.write_text(eds_text() + more, encoding="utf-8")
         return load_dictionary(path)
 
 
@@ -62,15 +62,16 @@ class Device(Node):
 
     Args:
         ctx: The case.
+        lists: More objects, as sections of an EDS.
 
     """
 
-    def __init__(self, ctx: CaseContext) -> None:
+    def __init__(self, ctx: CaseContext, *, lists: str = "") -> None:
         super().__init__(ctx, NODE)
         self.ctx = ctx
         segment: Any = ctx.bench.segment("can0")
         self.segment = segment
-        self.slave = CanopenSlave(segment.scheduler, segment, dictionary(), NODE, name="small")
+        self.slave = CanopenSlave(segment.scheduler, segment, dictionary(lists), NODE, name="small")
         self.listen(SERVER, EMCY, BEAT)
         self._noted = 0
         self.slave.power_on()
@@ -579,6 +580,89 @@ def multiplex_sent(ctx: CaseContext) -> None:
     ctx.run_for(0.005)
     device.is_so("sent", sent, True)
     device.is_so("frame", device.taken(0x180 + NODE), [bytes.fromhex("8745230611220000")], "C301-051")
+
+
+LISTS: Final = """
+[1FA0]
+ParameterName=Scanner list
+ObjectType=8
+DataType=0x0007
+AccessType=rw
+CompactSubObj=2
+
+[1FD0]
+ParameterName=Dispatcher list
+ObjectType=8
+DataType=0x001B
+AccessType=rw
+CompactSubObj=3
+"""
+
+
+@CAMPAIGN.case("pdo/multiplex-lists", requirements=("C301-051",))
+def multiplex_lists(ctx: CaseContext) -> None:
+    """In source mode objects of the scanner list are sent when they change, and those of other nodes go where
+    the dispatcher list says, block by block: the entries on either side of a block do not.
+    """
+    device = Device(ctx, lists=LISTS)
+    device.listen(0x180 + NODE)
+    device.is_so(
+        "scanner list",
+        [device.number(0x1FA0, 1, 0x01606400, 4), device.number(0x1FA0, 2, 0x01604000, 4)],
+        [0, 0],
+    )
+    blocks = (
+        2 << 56 | 0x6083 << 40 | 0x3000 << 16 | 2 << 8 | 9,
+        0x6040 << 40 | 0x3001 << 16 | 9,
+        3 << 56 | 0x60FF << 40 | 0x3002 << 16 | 1 << 8 | 9,
+    )
+    for sub, block in enumerate(blocks, 1):
+        device.is_so("dispatcher list", device.download(0x1FD0, sub, block.to_bytes(8, "little")), 0)
+    for record, can_id in ((0x1400, 0x200 + NODE), (0x1800, 0x40000180 + NODE)):
+        device.number(record, 1, INVALID | can_id, 4)
+        device.number(record, 2, 254, 1)
+        device.is_so("source mode", device.number(record + 0x200, 0, 0xFE, 1), 0, "C301-051")
+        device.number(record, 1, can_id, 4)
+    device.nmt(NmtCommand.START)
+    device.taken(0x180 + NODE)
+    device.slave.set(0x6064, 0, -2)
+    device.slave.set(0x606C, 0, 7)
+    ctx.run_for(0.005)
+    own = f"{NODE:02x}"
+    device.is_so(
+        "sent", [one.hex() for one in device.taken(0x180 + NODE)], [own + "646000feffffff"], "C301-051"
+    )
+    device.slave.set(0x6064, 0, -2)
+    device.number(0x6040, 0, 6, 2)
+    ctx.run_for(0.005)
+    device.is_so(
+        "sent", [one.hex() for one in device.taken(0x180 + NODE)], [own + "40600006000000"], "C301-051"
+    )
+    for head, index, sub, value, taken in (
+        (9, 0x3000, 2, 11, {0x6083: 11}),
+        (9, 0x3000, 1, 22, {}),
+        (9, 0x3000, 4, 33, {}),
+        (8, 0x3000, 2, 44, {}),
+        (0x89, 0x3000, 2, 55, {}),
+        (9, 0x3001, 0, 7, {0x6040: 7}),
+        (9, 0x3001, 1, 8, {}),
+        (9, 0x3002, 1, 99, {0x60FF: 99}),
+        (9, 0x3003, 1, 98, {}),
+    ):
+        wanted = {key: device.slave.get(key) for key in (0x6083, 0x6040, 0x60FF)} | taken
+        device.send(0x200 + NODE, pack("<BHBI", head, index, sub, value))
+        ctx.run_for(0.002)
+        device.is_so(
+            f"objects behind {index:04X}h:{sub} of {head:02X}h",
+            {key: device.slave.get(key) for key in wanted},
+            wanted,
+            "C301-051",
+        )
+    device.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
+    device.taken(0x180 + NODE)
+    device.slave.set(0x6064, 0, 5)
+    ctx.run_for(0.005)
+    device.is_so("sent in Pre-operational", device.taken(0x180 + NODE), [], "C301-056")
 
 
 # -- SYNC, TIME, EMCY, guarding -----------------------------------------------------------------------------

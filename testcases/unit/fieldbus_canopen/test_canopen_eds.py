@@ -11,17 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldbus.can import CanMedium
-from fieldbus.canopen import CanopenSlave, PumpedNetwork, load_dictionary, notes_of
+from fieldbus.canopen import CanopenSlave, PumpedNetwork, load_dictionary
 from fieldbus.canopen.dictionary import entries_of
 from fieldbus.canopen.eds_export import device_eds
 from fieldbus.clock import MS, VirtualScheduler
 from fieldbus.errors import ConfigurationError
+from testcases.campaigns._eds_forms import HEAD, variable
 
 pytestmark = pytest.mark.exhaustive
 
 SERVO = Path(str(files("emulators.drive.cia402"))) / "servo.eds"
-
-HEAD = "[DeviceInfo]\nVendorName=x\n\n[1000]\nParameterName=Device type\nDataType=0x0007\nAccessType=ro\nDefaultValue=0\n"  # noqa: E501
 
 
 @pytest.fixture
@@ -34,21 +33,6 @@ def load(tmp_path):
         return entries_of(load_dictionary(path, node_id), 5)
 
     return load
-
-
-def variable(section="2000", **keys):
-    """Return a section of a variable; keys replace those of an U16."""
-    lines = {
-        "ParameterName": "Value",
-        "ObjectType": "0x7",
-        "DataType": "0x0006",
-        "AccessType": "rw",
-        "PDOMapping": "0",
-    }
-    lines.update(keys)
-    return f"\n[{section}]\n" + "".join(
-        f"{key}={value}\n" for key, value in lines.items() if value is not None
-    )
 
 
 # -- what is understood
@@ -74,49 +58,6 @@ def test_same_dictionary_as_the_library(kit, tmp_path, name, node_id):
         assert getattr(ours.device_information, field) == getattr(theirs.device_information, field), field
 
 
-@pytest.mark.requirement("C301-014")
-@pytest.mark.parametrize(
-    ("data_type", "text", "value"),
-    [
-        (0x01, "1", 1),
-        (0x02, "-5", -5),
-        (0x02, "0xFB", -5),
-        (0x03, "0x7FFF", 32767),
-        (0x04, "0x80000000", -(1 << 31)),
-        (0x05, "0Xff", 255),
-        (0x06, "0x0aBc", 0x0ABC),
-        (0x06, "017", 15),
-        (0x06, "00", 0),
-        (0x06, " 12 ; twelve", 12),
-        (0x06, "", 0),
-        (0x07, "$NODEID+0x200", 0x205),
-        (0x07, "0x200 + $NodeID", 0x205),
-        (0x07, "$nodeid", 5),
-        (0x08, "1.5", 1.5),
-        (0x08, "1,5", 1.5),
-        (0x08, "0x3FC00000", 1.5),
-        (0x09, "a name; with a sign", "a name; with a sign"),
-        (0x09, "a name ;comment", "a name"),
-        (0x0A, "00 FF 10", b"\x00\xff\x10"),
-        (0x0A, "text", b"text"),
-        (0x0B, "name", "name"),
-        (0x0C, "0x0102", b"\x02\x01\0\0\0\0"),
-        (0x0F, "0a0b", b"\x0a\x0b"),
-        (0x0F, "", b""),
-        (0x10, "0xFFFFFE", -2),
-        (0x11, "-2.25", -2.25),
-        (0x15, "0xFFFFFFFFFFFFFFFF", -1),
-        (0x16, "0xFFFFFF", 0xFFFFFF),
-        (0x1B, "0xFFFFFFFFFFFFFFFF", (1 << 64) - 1),
-        (0x1234, "", b""),
-    ],
-)
-def test_values_by_type(load, data_type, text, value):
-    """Every data type and number format of a default; types that nobody knows are domains."""
-    entry = load(variable(DataType=f"0x{data_type:04X}", DefaultValue=text))[0x200000]
-    assert entry.default == value
-
-
 def test_manufacturer_type_by_its_definition(load):
     """A data type of the manufacturer's own stands for the type that its definition names."""
     text = (
@@ -124,25 +65,6 @@ def test_manufacturer_type_by_its_definition(load):
         + "\n[A0sub1]\nParameterName=Type\nDefaultValue=0x0005\n"
     )
     assert load(text)[0x200000].data_type == 0x05
-
-
-@pytest.mark.parametrize(
-    ("data_type", "low", "high", "limits"),
-    [
-        ("0x0006", "1", "5", (1, 5)),
-        ("0x0006", None, "5", (None, 5)),
-        ("0x0006", "1", "", (1, None)),
-        ("0x0003", "0xFFFE", "0x0002", (-2, 2)),
-        ("0x0010", "0xFFFFFE", "2", (-2, 2)),
-        ("0x0008", "-1.5", "2.5", (-1.5, 2.5)),
-        ("0x0009", "a", "z", (None, None)),
-        ("0x0006", "0", "0xFFFF", (None, None)),
-    ],
-)
-def test_limits_by_type(load, data_type, low, high, limits):
-    """Limits of every numeric type, each of which may be missing."""
-    entry = load(variable(DataType=data_type, LowLimit=low, HighLimit=high))[0x200000]
-    assert (entry.low, entry.high) == limits
 
 
 @pytest.mark.requirement("C301-098", "C301-099")
@@ -240,163 +162,6 @@ def test_device_information(load, tmp_path):
     assert device.LSS_supported is False
 
 
-# -- what is refused, with section and key
-# --------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("text", "where"),
-    [
-        (variable(DefaultValue="banana"), r"\[2000\] DefaultValue: 'banana'"),
-        (variable(DefaultValue="089"), r"\[2000\] DefaultValue"),
-        (variable(DefaultValue="70000"), r"\[2000\] DefaultValue: '70000'.*16 bit"),
-        (variable(DefaultValue="-1"), r"\[2000\] DefaultValue"),
-        (variable(DefaultValue="$NODEID+x"), r"\[2000\] DefaultValue"),
-        (variable(DataType="0x0003", DefaultValue="-40000"), r"\[2000\] DefaultValue"),
-        (variable(DataType="0x0001", DefaultValue="2"), r"\[2000\] DefaultValue.*1 bit"),
-        (variable(DataType="0x0008", DefaultValue="one"), r"\[2000\] DefaultValue"),
-        (variable(LowLimit="low"), r"\[2000\] LowLimit: 'low'"),
-        (variable(HighLimit="high"), r"\[2000\] HighLimit"),
-        (variable(ParameterValue="?"), r"\[2000\] ParameterValue"),
-        (variable(DataType=None), r"\[2000\] DataType.*missing"),
-        (variable(DataType="U16"), r"\[2000\] DataType: 'U16'"),
-        (variable(DataType="0"), r"\[2000\] DataType"),
-        (variable(AccessType="readwrite"), r"\[2000\] AccessType: 'readwrite'.*ro, wo, rw"),
-        (variable(AccessType=None), r"\[2000\] AccessType"),
-        (variable(ObjectType="4"), r"\[2000\] ObjectType: '4'"),
-        (variable(PDOMapping="yes"), r"\[2000\] PDOMapping: 'yes'"),
-        (variable("2000sub1"), r"\[2000sub1\].*no \[2000\]"),
-        (variable() + variable("2000sub1"), r"\[2000sub1\].*variable"),
-        ("[2000\nParameterName=x\n", r"line 9: '\[2000'"),
-        (variable(ObjectType="8", CompactSubObj="300"), r"\[2000\] CompactSubObj: '300'.*0 to 255"),
-        ("\n[DeviceComissioning]\nNodeID=abc\n", r"\[DeviceComissioning\] NodeID: 'abc'"),
-    ],
-)
-def test_mistakes_are_named(load, text, where):
-    """Whatever cannot be understood is refused with the file, the section, the key and what is allowed."""
-    with pytest.raises(ConfigurationError, match=where) as caught:
-        load(text, node_id=None)
-    assert "device.eds" in str(caught.value)
-
-
-NOTED = {
-    "a limit beyond the type limits nothing": (
-        variable(HighLimit="65536", LowLimit="-1"),
-        ["[2000] LowLimit: -1 is beyond the data type", "[2000] HighLimit: 65536 is beyond the data type"],
-        lambda od: (od[0x2000].max, od[0x2000].min),
-        (None, None),
-    ),
-    "of repeated keys the first counts": (
-        variable(defaultvalue="1", DefaultValue="2"),
-        ["[2000] DefaultValue: line 17 repeats it with '2'; '1', which comes first, counts"],
-        lambda od: od[0x2000].default,
-        1,
-    ),
-    "a key repeated with the same value is no mistake": (
-        variable(defaultvalue="1", DefaultValue="1"),
-        [],
-        lambda od: od[0x2000].default,
-        1,
-    ),
-    "a repeated section adds what the first one lacks": (
-        variable(DefaultValue="3") + "[2000]\nHighLimit=9\nDefaultValue=4\n",
-        ["[2000]: line 17 repeats the section", "[2000] DefaultValue: line 19 repeats it with '4'"],
-        lambda od: (od[0x2000].default, od[0x2000].max),
-        (3, 9),
-    ),
-    "255 elements are as many as there are sub-indices": (
-        variable(ObjectType="8", CompactSubObj="255"),
-        ["[2000] CompactSubObj: 255 is above the highest sub-index; 254 counts"],
-        lambda od: max(od[0x2000].subindices),
-        254,
-    ),
-    "node-ID 0 is none": (
-        variable() + "\n[DeviceComissioning]\nNodeID=0\n",
-        ["[DeviceComissioning] NodeID: 0 is no node-ID"],
-        lambda od: od.node_id,
-        None,
-    ),
-    "the node-ID under other names": (
-        variable(DefaultValue="$MY_NODE_ID+0x180") + variable("2001", DefaultValue="NODEID+0x20"),
-        [],
-        lambda od: [entries_of(od, 5)[key].default for key in (0x200000, 0x200100)],
-        [0x185, 0x25],
-    ),
-    "a real number as C writes it": (
-        variable(DataType="0x0008", DefaultValue="1.5f"),
-        [],
-        lambda od: od[0x2000].default,
-        1.5,
-    ),
-    "days and milliseconds": (
-        variable(DataType="0x000C", DefaultValue="365 43200000"),
-        [],
-        lambda od: entries_of(od, 5)[0x200000].default,
-        bytes.fromhex("002e93026d01"),
-    ),
-    "remarks behind numbers and headers": (
-        variable("2000] # a remark", DefaultValue="0x12 # a number").replace("remark]", "remark"),
-        ["[2000] DefaultValue: '0x12 # a number' has a remark; '0x12' counts"],
-        lambda od: od[0x2000].default,
-        0x12,
-    ),
-    "whole numbers as spreadsheets and tools write them": (
-        variable(DefaultValue="12.0")
-        + variable("2001", DefaultValue='"0x10"')
-        + variable("2002", HighLimit="7."),
-        [
-            "[2000] DefaultValue: '12.0' is no whole number as it should be written; 12 counts",
-            "[2001] DefaultValue: '\"0x10\"' is no whole number as it should be written; 0x10 counts",
-            "[2002] HighLimit: '7.' is no whole number",
-        ],
-        lambda od: (od[0x2000].default, od[0x2001].default, od[0x2002].max),
-        (12, 16, 7),
-    ),
-    "an object without a name": (
-        variable(ParameterName=None),
-        ["[2000] ParameterName: it has no name and is called '2000'"],
-        lambda od: od[0x2000].name,
-        "2000",
-    ),
-    "the end of a file of an old system": (
-        variable(DefaultValue="3") + "\x1a",
-        [],
-        lambda od: od[0x2000].default,
-        3,
-    ),
-    "types by name": (
-        variable(ObjectType="VAR", DataType="INTEGER16", DefaultValue="-3"),
-        ["[2000] ObjectType: 'VAR' is taken as 7", "[2000] DataType: 'INTEGER16' is taken as 3"],
-        lambda od: entries_of(od, 5)[0x200000].encode(-3),
-        b"\xfd\xff",
-    ),
-    "a factor that is no number": (
-        variable(Factor="ERROR"),
-        ["[2000] Factor: 'ERROR' is no number and is left out"],
-        lambda od: od[0x2000].factor,
-        1,
-    ),
-    "compact PDOs next to records that are written out": (
-        "\n[DeviceInfo]\nCompactPDO=23\n" + variable("1A00"),
-        ["[DeviceInfo]: line 10 repeats", "[DeviceInfo] CompactPDO: not needed"],
-        lambda od: 0x1A00 in od.indices,
-        True,
-    ),
-}
-
-
-@pytest.mark.parametrize("case", NOTED)
-def test_what_can_be_understood_is_noted(load, tmp_path, case):
-    """Files of vendors contradict themselves; what they mean is taken, and said with section and key."""
-    text, notes, look, expected = NOTED[case]
-    load(text, node_id=None)
-    dictionary = load_dictionary(tmp_path / "device.eds")
-    assert look(dictionary) == expected
-    found = notes_of(dictionary)
-    assert len(found) == len(notes)
-    assert all(one.startswith(wanted) for one, wanted in zip(found, notes, strict=True)), found
-
-
 def refusal(path, otherwise):
     """Return the message with which a file is refused, or `otherwise` if it is read."""
     try:
@@ -404,30 +169,6 @@ def refusal(path, otherwise):
     except ConfigurationError as error:
         return str(error)
     return otherwise
-
-
-def test_compact_pdos_are_the_records_that_the_file_leaves_out(tmp_path):
-    """`CompactPDO` says which members the missing communication records have; what is written out stays."""
-    path = tmp_path / "device.eds"
-    path.write_text(
-        HEAD.replace("VendorName=x", "CompactPDO=0x13\nNrOfRXPDO=1\nNrOfTXPDO=6\n")
-        + variable("1800", ObjectType="9", DataType=None, AccessType=None)
-        + variable("1800sub1", DataType="0x0007", AccessType="ro", DefaultValue="0x1A5")
-    )
-    dictionary = load_dictionary(path)
-    entries = entries_of(dictionary, 5)
-    assert [sub for sub in range(8) if 0x140000 | sub in entries] == [0, 1, 2, 5]
-    assert entries[0x140001].default == 0x205
-    assert [sub for sub in range(8) if 0x180000 | sub in entries] == [1]
-    assert entries[0x180001].default == 0x1A5
-    assert [entries[0x180001 | number << 8].default for number in (1, 3, 4)] == [0x285, 0x485, 0x80000000]
-    assert entries[0x180501].default == 0x80000000
-    assert 0x180601 not in entries
-    assert entries[0x160040].writable
-    assert entries[0x1A0500].default == 0
-    assert notes_of(dictionary) == (
-        "[DeviceInfo] CompactPDO: the file does not write out RPDO1, TPDO2, TPDO3, TPDO4, TPDO5, TPDO6",
-    )
 
 
 @given(
