@@ -7,8 +7,11 @@ from typing import Final
 
 from fieldbus.can import CanFrame
 from fieldbus.canopen import NmtCommand
+from fieldbus.canopen.decode import FrameDecoder
 from hil.campaign import Campaign, CaseContext
 from testcases.campaigns._led_servo import NODE, Node
+from testcases.campaigns.canopen_device import NODE as DEVICE
+from testcases.campaigns.canopen_device import dictionary
 from testcases.campaigns.support import equal
 
 CAMPAIGN: Final = Campaign(
@@ -266,3 +269,100 @@ def frames_in_words(ctx: CaseContext) -> None:
     for frame, words in FRAMES:
         found = str(ctx.bench.decode(frame))
         equal(ctx, f"{frame} is {words!r} (it is {found!r})", found == words, 1)
+
+
+def _written(index: int, sub: int, value: int, size: int) -> tuple[CanFrame, CanFrame]:
+    """Return request and answer of an expedited download to node 33."""
+    mux = index.to_bytes(2, "little") + bytes((sub,))
+    data = bytes((0x23 | (4 - size) << 2,)) + mux + value.to_bytes(size, "little").ljust(4, b"\0")
+    return CanFrame(0x600 + DEVICE, data), CanFrame(0x580 + DEVICE, b"\x60" + mux + bytes(4))
+
+
+@CAMPAIGN.case("learnt", requirements=("C301-051", "C301-140", "C301-141"))
+def learnt(ctx: CaseContext) -> None:
+    """Which PDO carries what is learnt from the SDO writes on the bus, kept by `save`, lost by a boot-up
+    without it and by `load`; identifiers of SYNC and EMCY follow; a write that is refused changes nothing.
+    """
+    decoder = FrameDecoder({DEVICE: "small", 9: "other"}, {DEVICE: dictionary()})
+
+    def same(what: str, found: object, wanted: object, *ids: str) -> None:
+        equal(ctx, f"{what} is {wanted!r} (it is {found!r})", found == wanted, 1, *ids)
+
+    def write(*rows: tuple[int, int, int, int]) -> None:
+        for row in rows:
+            for frame in _written(*row):
+                decoder.observe(frame)
+
+    same(
+        "identifiers",
+        [decoder.pdo_ids.get(can_id) for can_id in (0x189, 0x209, 0x280 + DEVICE)],
+        [9, 9, DEVICE],
+    )
+    same("identifier of SYNC", decoder.sync_id, 0x80)
+    write((0x1801, 1, 0x2AA, 4), (0x1A01, 0, 0, 1), (0x1A01, 1, 0x60410010, 4), (0x1A01, 2, 0x60640020, 4),
+          (0x1A01, 3, 0x00050008, 4), (0x1A01, 4, 0x60610008, 4), (0x1A01, 0, 4, 1))  # fmt: skip
+    frame = CanFrame(0x2AA, bytes((0x37, 0x02)) + (-5 & 0xFFFFFFFF).to_bytes(4, "little") + b"\xee\xfe")
+    values = [(0x604100, 0x237), (0x606400, -5), (0x000500, 0xEE), (0x606100, -2)]
+    same("values", decoder.mapped(frame), (DEVICE, values), "C301-051")
+    same("of a short one", decoder.mapped(CanFrame(0x2AA, frame.data[:6])), (DEVICE, values[:2]), "C301-054")
+    same("of another frame", decoder.mapped(CanFrame(0x2AB, frame.data)), None)
+    for other in (CanFrame(0x2AA, frame.data, extended=True), CanFrame(0x2AA, remote=True)):
+        same("of no PDO", (decoder.mapped(other), decoder.fields(other)), (None, []))
+    fields = [
+        (one.object_index, one.sub, one.first_bit, one.bits, one.number, one.text)
+        for one in decoder.fields(frame)
+    ]
+    wanted = [
+        (0x6041, 0, 0, 16, 0x237, "0237h (Operation enabled)"),
+        (0x6064, 0, 16, 32, 0xFFFFFFFB, "-5"),
+        (0x6061, 0, 56, 8, 0xFE, "-2"),
+    ]
+    same("fields", fields, wanted, "C301-051")
+    same("fields of a short one", len(decoder.fields(CanFrame(0x2AA, frame.data[:6]))), 2)
+    same("length", (decoder.mapped_length(0x2AA), decoder.mapped_length(0x2AB)), (8, 0))
+    same("mapping seen", (decoder.mapping_seen(0x2AA), decoder.mapping_seen(0x180 + DEVICE)), (True, False))
+    request, _ = _written(0x1801, 1, 0x2BB, 4)
+    decoder.observe(request)
+    decoder.observe(CanFrame(0x580 + DEVICE, b"\x80\1\x18\1\0\0\2\6"))
+    same("a refused write", (0x2AA in decoder.pdo_ids, 0x2BB in decoder.pdo_ids), (True, False))
+    write((0x1801, 1, 1 << 31 | 0x2AA, 4))
+    same("an invalid PDO", 0x2AA in decoder.pdo_ids, False)
+    write((0x1801, 1, 0x2AA, 4), (0x1005, 0, 0x85, 4), (0x1014, 0, 0x90, 4))
+    same(
+        "SYNC and EMCY",
+        (decoder.sync_id, decoder.emcy_node(0x90), decoder.emcy_node(0x89), decoder.emcy_node(0x85)),
+        (0x85, DEVICE, 9, 0),
+    )
+    same("frames in words", [decoder.decode(CanFrame(can_id)) for can_id in (0x85,)], ["SYNC"])
+    write((0x1010, 1, int.from_bytes(b"save", "little"), 4), (0x1A01, 0, 1, 1))
+    same("length before the boot-up", decoder.mapped_length(0x2AA), 2)
+    decoder.observe(CanFrame(0x700 + DEVICE, b"\0"))
+    same(
+        "what was saved is there",
+        (decoder.mapped_length(0x2AA), decoder.sync_id, decoder.mapping_seen(0x2AA)),
+        (8, 0x85, False),
+        "C301-140",
+    )
+    write((0x1011, 1, int.from_bytes(b"load", "little"), 4))
+    decoder.observe(CanFrame(0x700 + DEVICE, b"\0"))
+    same(
+        "the defaults are back",
+        (0x2AA in decoder.pdo_ids, decoder.sync_id, 0x280 + DEVICE in decoder.pdo_ids),
+        (False, 0x80, True),
+        "C301-141",
+    )
+    decoder.set_mapping(9, {(0x1800, 1): 0x333, (0x1A00, 0): 1, (0x1A00, 1): 0x60640020})
+    same("given values", decoder.mapped(CanFrame(0x333, b"\5\0\0\0")), (9, [(0x606400, 5)]))
+    same("a frame of CAN FD", decoder.mapped(CanFrame(0x333, bytes(8), fd=True)), None)
+    for index, sub, data, text in (
+        (0x6040, 0, b"\x0f\0", "000Fh (enable operation)"),
+        (0x6060, 0, b"\x08", "8 (csp)"),
+        (0x1010, 1, b"save", "'save'"),
+        (0x1017, 0, b"\xf4\1", "500"),
+        (0x607A, 0, b"\xff\xff\xff\xff", "-1"),
+        (0x2008, 0, b"\0\0\0\x3f", "0.5"),
+        (0x1008, 0, b"name", "'name'"),
+        (0x5FFF, 0, b"\x12\x34", "3412h"),
+        (0x5FFF, 0, b"", "empty"),
+    ):
+        same(f"{data.hex()} of {index:04X}h in words", decoder.value_text(DEVICE, index, sub, data), text)

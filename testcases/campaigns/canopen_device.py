@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import random
 from binascii import crc_hqx
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -20,7 +20,7 @@ import canopen
 from fieldbus.can import CanFrame
 from fieldbus.canopen import CanopenSlave, NmtCommand, PumpedNetwork, load_dictionary, virtual_time
 from fieldbus.canopen.eds_export import device_eds
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import BusError, ConfigurationError
 from hil.campaign import Campaign, CaseContext
 from testcases.campaigns._led_servo import Node
 from testcases.campaigns._small_drive import eds_text
@@ -1058,6 +1058,113 @@ def library(ctx: CaseContext) -> None:
         node.nmt.state = "PRE-OPERATIONAL"
         network.lss.send_switch_state_selective(0x1234, 0x5678, 0x10000, 42)
         device.equal("node-ID by LSS", network.lss.inquire_node_id(), NODE, "C301-162")
+
+
+@CAMPAIGN.case("library/waits", requirements=("C301-023", "C301-028", "C301-108", "C301-142"))
+def library_waits(ctx: CaseContext) -> None:
+    """Whatever the library waits for ends in time of the bench, just behind its time-out and not before;
+    periodic messages keep their period; what cannot be is refused, and a network that is left is silent.
+    """
+    device = Device(ctx)
+    scheduler = device.segment.scheduler
+
+    def fails(
+        what: str, error: type[Exception], act: Callable[[], object], time_s: float | None = None
+    ) -> None:
+        begun, found = ctx.now_s, ""
+        try:
+            act()
+        except error as reason:
+            found = type(reason).__name__
+        device.equal(f"{what} fails ({found})", found != "", 1)
+        if time_s is not None:
+            device.equal(f"{what}: time, s", ctx.now_s - begun, time_s, within=0.002)
+
+    with PumpedNetwork(device.segment) as network:
+        node = network.add_node(NODE, dictionary())
+        node.sdo.RESPONSE_TIMEOUT, node.sdo.MAX_RETRIES = 0.25, 1
+        device.slave.sdo.silent = True
+        fails("a read of a silent server", canopen.SdoCommunicationError, lambda: node.sdo[0x1000].raw, 0.25)
+        device.slave.sdo.silent = False
+        device.is_so("read again", node.sdo[0x1000].raw, 0x20192)
+        node.sdo[0x1017].raw = 50
+        ctx.run_for(0.03)
+        fails(
+            "a wait of 19 ms for a heartbeat",
+            canopen.nmt.NmtError,
+            lambda: node.nmt.wait_for_heartbeat(0.019),
+        )
+        device.is_so("state", node.nmt.wait_for_heartbeat(0.06), "PRE-OPERATIONAL", "C301-023")
+        fails("a wait for a boot-up", canopen.nmt.NmtError, lambda: node.nmt.wait_for_bootup(0.2))
+        device.slave.boot_time_ns = 300 * MS
+        node.nmt.state = "RESET"
+        begun = ctx.now_s
+        node.nmt.wait_for_bootup(1)
+        device.equal("boot-up, s", ctx.now_s - begun, 0.3, "C301-022", within=0.005)
+        device.slave.boot_time_ns = 0
+        scheduler.after(100 * MS, lambda: device.slave.emcy(0x2310))
+        scheduler.after(200 * MS, lambda: device.slave.emcy(0x8611, None, b"\1\2"))
+        begun = ctx.now_s
+        found = node.emcy.wait(0x8611, timeout=1)
+        device.is_so(
+            "EMCY", (found.code, found.register, found.data), (0x8611, 0x23, b"\1\2\0\0\0"), "C301-108"
+        )
+        device.equal("EMCY, s", ctx.now_s - begun, 0.2, within=0.001)
+        node.sdo[0x100C].raw, node.sdo[0x100D].raw = 20, 2
+        reasons: list[str] = []
+        states: list[int] = []
+        device.slave.on_communication_error.append(reasons.append)
+        node.nmt.add_heartbeat_callback(states.append)
+        node.nmt.start_node_guarding(0.02)
+        ctx.run_for(0.2)
+        device.is_so(
+            "guarded", (reasons, set(states), len(states) in (10, 11)), ([], {0x7F}, True), "C301-028"
+        )
+        node.nmt.stop_node_guarding()
+        ctx.run_for(0.1)
+        device.is_so("guarding has ended", reasons, ["life_guarding"], "C301-029")
+        device.listen(0x123, 0x100)
+        fails("a period of 0", BusError, lambda: network.send_periodic(0x123, b"", 0.0))
+        task = network.send_periodic(0x123, b"\1", 0.01)
+        ctx.run_for(0.045)
+        task.update(b"\2")
+        ctx.run_for(0.05)
+        task.stop()
+        task.stop()
+        ctx.run_for(0.05)
+        times = device.times(0x123)
+        device.equal("ten messages, s", times[-1] - times[0], 0.09, within=1e-5)
+        device.is_so("their content", b"".join(device.taken(0x123)), b"\1" * 5 + b"\2" * 5)
+        network.time.transmit()
+        ctx.run_for(0.002)
+        milliseconds, days = unpack("<LH", device.taken(0x100)[0])
+        device.is_so("days of TIME", days, 16 * 365 + 4, "C301-142")
+        device.equal("time of day, ms", milliseconds, 1000 * ctx.now_s, "C301-142", within=4)
+        network.scanner.search(60)
+        ctx.run_for(0.05)
+        device.is_so("nodes found", NODE in network.scanner.nodes, True)
+        before = network.malformed
+        for can_id, data in ((0x80 + NODE, b"\x11\x86"), (0x700 + NODE, b"")):
+            device.send(can_id, data)
+        ctx.run_for(0.005)
+        device.is_so("frames that are too short", network.malformed - before, 2)
+        refused: list[str] = []
+
+        def read() -> None:
+            try:
+                node.sdo.upload(0x1000, 0)
+            except BusError as reason:
+                refused.append(str(reason))
+
+        scheduler.after(MS, read)
+        ctx.run_for(0.005)
+        device.equal(f"waiting in a callback is refused ({refused})", len(refused), 1)
+        network.sync.start(0.01)
+        ctx.run_for(0.025)
+    device.listen(0x80)
+    ctx.run_for(0.05)
+    device.is_so("SYNCs of a network that is left", device.taken(0x80), [])
+    fails("a command over it", BusError, lambda: network.nmt.send_command(1))
 
 
 @CAMPAIGN.case("storage", requirements=("C301-018", "C301-140", "C301-141", "C301-158"))
