@@ -15,6 +15,7 @@ import can
 from fieldbus.can import BitError, CanFrame, CanMedium, HookResult, NodeState
 from fieldbus.can.analysis import PeriodicFrame, arrival_statistics, arrivals, planned_load, response_time_ns
 from fieldbus.can.export import read_log, write_log
+from fieldbus.can.message import read_error
 from hil.bench import BenchFile
 from hil.campaign import Campaign, CaseContext
 from testcases.campaigns.support import equal
@@ -946,6 +947,7 @@ def program_errors(ctx: CaseContext) -> None:
                 data = bytes(message.data)
                 segment.is_so(f"{what}: an error frame", message.is_error_frame, True, "CANP-077")
                 segment.is_so(f"{what}: class", message.arbitration_id, wanted, "CANP-033")
+                segment.is_so(f"{what}: read back", read_error(message), (code, None), "CANP-033")
                 own = sending and segment.errors[0][0] == "tool"
                 if code != "ACK_ERROR":
                     segment.is_so(f"{what}: kind", data[2], kind | 0x80 * own, "CANP-033")
@@ -960,6 +962,7 @@ def program_errors(ctx: CaseContext) -> None:
             assert message is not None
             found = (message.arbitration_id, message.data[1])
             segment.is_so(f"error frame of a counter of {tec}", found, wanted, "CANP-053")
+            segment.is_so("state read back", read_error(message), ("", segment["tool"].state), "CANP-053")
             segment.is_so("counter", message.data[6], min(tec, 255), "CANP-077")
         segment.is_so("state", bus.state, can.BusState.ERROR, "CANP-053")
 

@@ -357,6 +357,10 @@ def ways(ctx: CaseContext, kind: str, seed: int) -> None:
             for name in names:
                 way.attach(name, auto_recovery=False, fd=fd)
                 medium.port(name).set_error_counters(tec=counters[name][0], rec=counters[name][1])
+            if number % 2:
+                # It comes back after 128 pauses of 11 bits, between the frames of the others.
+                way.attach("z", auto_recovery=True, fd=fd)
+                medium.port("z").set_error_counters(tec=256)
             if bitwise:
                 medium.attach("ear", lambda _frame, _at: None, listen_only=True).set_bitrate(999_000)
             both.append(way)

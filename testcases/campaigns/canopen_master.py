@@ -14,6 +14,7 @@ from fieldbus.can import CanFrame, CanMedium
 from fieldbus.canopen import CanopenMaster, NmtCommand
 from fieldbus.canopen.boot import BootState
 from fieldbus.canopen.node_setup import NodeSetup, Parameter, PdoSetup
+from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
 from hil.campaign import Campaign, CaseContext
 from testcases.campaigns.support import equal
@@ -631,5 +632,105 @@ def watched(ctx: CaseContext, how: str) -> None:
             if device.state == 5:
                 device.say(0x180, bytes(6))
         equal(ctx, "a toggle bit that does not change loses the node", node.losses > 2, 1, "C301-028")
-    rig.master.nmt(NmtCommand.STOP, NODE)
+    rig.master.close()
+
+
+def _go_on(rig: Rig, device: TableDevice, milliseconds: int) -> None:
+    """Let the device send heartbeats, and its PDO while it is Operational."""
+    for _ in range(milliseconds // 10):
+        rig.run_ms(10)
+        device.beat()
+        if device.state == 5:
+            device.say(0x180, bytes(6))
+
+
+@CAMPAIGN.case("held", requirements=("C301-016", "C301-146"))
+def held(ctx: CaseContext) -> None:
+    """A node that the program stops, or takes to Pre-operational, is left there and is no loss; one that the
+    program starts again is taken into service; a command to another node changes nothing.
+    """
+    rig, device, node = booted(ctx, Boot(GOOD, ready=True, setup={"heartbeat_timeout_ms": 200}))
+    rig.is_so("state", node.boot_state, GOOD)
+    shown = [node.describe()[name] for name in ("node", "name", "state", "device_type", "bootups", "failure")]
+    rig.is_so("what a report shows", shown, [NODE, "device", "in service", DEVICE_TYPE, 1, None])
+    for command in (NmtCommand.STOP, NmtCommand.ENTER_PRE_OPERATIONAL):
+        rig.master.nmt(command, NODE + 1)
+        _go_on(rig, device, 50)
+        rig.is_so(f"state behind {command.name} of another node", node.boot_state, GOOD)
+        before = len(device.commands)
+        rig.master.nmt(command, NODE)
+        _go_on(rig, device, 400)
+        rig.is_so(f"state behind {command.name}", node.boot_state, BootState.HELD)
+        rig.is_so("commands", [int(one) for one in device.commands[before:]], [int(command)])
+        rig.is_so("losses", node.losses, 0)
+        rig.master.nmt(NmtCommand.START, NODE)
+        _go_on(rig, device, 400)
+        rig.is_so("state behind START", node.boot_state, GOOD)
+    rig.master.nmt(NmtCommand.STOP)
+    _go_on(rig, device, 100)
+    rig.is_so("state behind STOP of all", node.boot_state, BootState.HELD)
+    device.boot_up()
+    _go_on(rig, device, 400)
+    rig.is_so("a node that is held and starts anew", node.bootups, 2, "C301-022")
+    device.say(0x80, bytes((0x10, 0x23, 3, 1, 2, 3, 4, 5)))
+    device.say(0x80, bytes(7))
+    rig.run_ms(5)
+    emcys = [(one.code, one.register, one.data) for one in node.emcys]
+    rig.is_so("EMCYs", emcys, [(0x2310, 3, bytes((1, 2, 3, 4, 5)))], "C301-108")
+    rig.is_so("error register", node.error_register, 3, "C301-112")
+    node.stop()
+    count = len(device.commands)
+    _go_on(rig, device, 300)
+    rig.is_so(
+        "state of a node that is left alone",
+        (node.boot_state, len(device.commands) - count),
+        (BootState.OFF, 0),
+    )
+    rig.master.close()
+
+
+@CAMPAIGN.case("watch", requirements=("C301-026", "C301-027"))
+def watch(ctx: CaseContext) -> None:
+    """A program watches the heartbeat of any node: both ends of the time, changes of the state, a boot-up
+    that is no silence, and the end of watching.
+    """
+    rig = Rig(ctx)
+    device = TableDevice(rig, {})
+    lost: list[float] = []
+    states: list[int] = []
+    end = rig.master.watch_heartbeat(NODE, 30 * MS, lambda: lost.append(ctx.now_s), states.append)
+    rig.run_ms(100)
+    rig.is_so("losses before the first heartbeat", lost, [], "C301-026")
+    for gap_ms in (29.5, 29.5, 10.0):
+        device.beat()
+        rig.run_ms(gap_ms)
+    device.state = 5
+    device.beat()
+    begun = ctx.now_s
+    rig.run_ms(29.9)
+    rig.is_so("losses just in time", (lost, states), ([], [127, 5]), "C301-027")
+    rig.run_ms(100)
+    rig.is_so("losses", len(lost), 1, "C301-026")
+    equal(ctx, "time of the loss, s", lost[0] - begun, 0.03, "C301-026", within=0.0003)
+    device.beat()
+    device.boot_up()
+    rig.run_ms(100)
+    rig.is_so("a boot-up ends the watch until the next heartbeat", (len(lost), states), (1, [127, 5, 5, 0]))
+    device.beat()
+    rig.run_ms(50)
+    rig.is_so("losses", len(lost), 2)
+    kinds = [one.kind for one in rig.history.select(kind="heartbeat.")]
+    rig.is_so("events", kinds, ["heartbeat.lost", "heartbeat.back", "heartbeat.lost"])
+    device.beat()
+    end()
+    end()
+    rig.run_ms(100)
+    rig.is_so("losses behind the end", len(lost), 2)
+    for node, time_ns in ((0, MS), (128, MS), (NODE, 0)):
+        try:
+            rig.master.watch_heartbeat(node, time_ns)
+            refused = False
+        except ConfigurationError:
+            refused = True
+        rig.is_so(f"watching node {node} for {time_ns} ns is refused", refused, True)
     rig.master.close()
