@@ -18,6 +18,7 @@ from fieldbus.can.export import read_log, write_log
 from fieldbus.can.message import read_error
 from hil.bench import BenchFile
 from hil.campaign import Campaign, CaseContext
+from hil.expect.rules._can_length import length_of
 from testcases.campaigns.support import equal
 
 BENCH: Final = BenchFile(
@@ -101,33 +102,6 @@ class Segment:
     def is_so(self, what: str, found: object, wanted: object, *ids: str) -> None:
         """Expect a value of any kind."""
         equal(self.ctx, f"{what} is {wanted} (it is {found})", found == wanted, 1, *ids)
-
-
-def stuffed(text: str) -> str:
-    """Return bits with the stuff bits of classical CAN, also behind a run at the end (CANP-014)."""
-    wire, run = "", ""
-    for mark in text:
-        wire += mark
-        run = run + mark if run[-1:] == mark else mark
-        if len(run) == 5:
-            run = "1" if mark == "0" else "0"
-            wire += run
-    return wire
-
-
-def length_of(frame: CanFrame) -> int:
-    """Return the bits of a frame from SOF to EOF (CANP-001 to CANP-017)."""
-    if frame.extended:
-        text = f"0{frame.can_id >> 18:011b}11{frame.can_id & 0x3FFFF:018b}{frame.remote:d}00"
-    else:
-        text = f"0{frame.can_id:011b}{frame.remote:d}00"
-    text += f"{frame.dlc:04b}" + "".join(f"{byte:08b}" for byte in frame.data)
-    crc = 0
-    for mark in text:
-        feedback = int(mark) ^ crc >> 14
-        crc = crc << 1 & 0x7FFF ^ 0x4599 * feedback
-    # A run that ends with the CRC gets its stuff bit too.
-    return len(stuffed(text + f"{crc:015b}")) + 10
 
 
 CONTENTS: Final = {"zeros": b"\0" * 8, "ones": b"\xff" * 8, "dense": b"\xf8" * 8, "plain": b"\x55" * 8}

@@ -4,9 +4,9 @@ anybody else's.
 
 from __future__ import annotations
 
-import itertools
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
+from itertools import islice, pairwise
 from typing import Final, NamedTuple
 
 from hil.expect.rules._bus_views import (
@@ -19,6 +19,7 @@ from hil.expect.rules._bus_views import (
     State,
     between,
 )
+from hil.expect.rules._can_length import INTERMISSION_BITS, length_of
 from hil.expect.rules._definition import Judged, Rule
 from hil.expect.rules._sdo_dialogue import Dialogue
 
@@ -26,6 +27,8 @@ _DISTURBED: Final = (
     "frame.", "can.", "drive.", "encoder.", "io.", "telegram.", "controller.", "pto.", "proxy.",
 )  # fmt: skip
 _RECOVERY_S: Final = 1.0
+_FOLLOWS_BITS: Final = 180
+"""A frame that ends so soon behind another may follow it at once."""
 _STATES: Final = {
     OPERATIONAL: "Operational",
     STOPPED: "Stopped",
@@ -174,7 +177,7 @@ def _boot_ups(bus: BusView) -> Judged | None:
     found: Found = []
     for node in bus.nodes:
         states = bus.states(node)
-        for state, following in itertools.pairwise(states):
+        for state, following in pairwise(states):
             if state.state == STARTING and following.begin_s - state.begin_s > 1.0:
                 found.append((state.begin_s, f"node {node} sends no boot-up after a reset"))
             elif state.state == STARTING:
@@ -231,7 +234,7 @@ def _wrong_periods(bus: BusView, frames: list[Sent], period_s: float, who: str) 
     most = max(6 * bus.frame_s, 0.02 * period_s if bus.whole.trace.from_log else 0.0)
     found: Found = []
     waited_s = 0.0
-    for one, other in itertools.pairwise(frames):
+    for one, other in pairwise(frames):
         off = other.time_s - one.time_s - period_s + waited_s
         waited_s = 0.0
         if off > most and bus.busy(other.time_s - off, other.time_s):
@@ -503,7 +506,7 @@ def _by_event(bus: BusView, pdo: _Pdo, timer_s: float, pause_s: float) -> Found:
     name, frames, begin_s, end_s = pdo
     found: Found = []
     waits_s = 3 * bus.frame_s
-    for one, other in itertools.pairwise(frames):
+    for one, other in pairwise(frames):
         gap_s = other.time_s - one.time_s
         if pause_s and gap_s < pause_s - waits_s:
             found.append(
@@ -541,7 +544,48 @@ TPDO: Final = Rule(
     recovery_s=_RECOVERY_S,
 )
 
+# -- the wire ------------------------------------------------------------------------------------------------
+
+_LOOKED_AT: Final = 4000
+"""Frames at the begin of a log among which those that follow closely are looked for."""
+_MEASURED: Final = 24
+"""Different frames whose length is measured: one with each identifier and length."""
+
+
+def _lengths(bus: BusView) -> Judged | None:
+    if bus.bitrate is None or bus.whole.trace.from_log:
+        return None
+    found: Found = []
+    known: set[tuple[int, int]] = set()
+    bit_ns = 1e9 / bus.bitrate
+    last_ns: int | None = None
+    for end_ns, _, frame, error in islice(bus.whole.trace.can_log(bus.name), _LOOKED_AT):
+        gap = None if last_ns is None else (end_ns - last_ns) / bit_ns
+        last_ns = end_ns
+        key = frame.can_id, frame.dlc
+        if gap is None or error or frame.fd or gap > _FOLLOWS_BITS or key in known:
+            continue
+        known.add(key)
+        least = INTERMISSION_BITS + length_of(frame)
+        text = f"{frame} ends {gap:.1f} bits behind the frame before it, it has {least} with the intermission"
+        found.append((end_ns * 1e-9, text if gap < least - 0.5 else ""))
+        if len(known) == _MEASURED:
+            break
+    return _judged(found)
+
+
+LENGTHS: Final = Rule(
+    name="frames and their length",
+    says="no frame ends sooner behind another than its bits with stuff bits and intermission take",
+    requirements=("CANP-008", "CANP-014", "CANP-015", "CANP-017"),
+    tolerance="half a bit; of the first frames of a log, one with each identifier and length",
+    judge=_lengths,
+    excused_by=_DISTURBED,
+    recovery_s=_RECOVERY_S,
+)
+
 BUS_RULES: Final[tuple[Rule[BusView], ...]] = (
+    LENGTHS,
     SDO,
     NMT_STATE,
     SILENT,

@@ -167,6 +167,13 @@ WATCHED: Final = """
 """
 GUARDED: Final = "1 703 00\n10 703 remote\n10.2 703 7F\n20 703 remote\n20.2 703 FF\n30 703 remote\n"
 CASES: Final = {
+    "frames and their length": (
+        "1 080\n1.124 185 00 00 00 00 00 00 00 00\n1.175 080\n",
+        {
+            "1 080\n1.123 185 00 00 00 00 00 00 00 00\n": "123.0 bits behind",
+            "1 185 00\n1.050 080\n": "50.0 bits behind",
+        },
+    ),
     "NMT state": (
         BOOT + "5 000 01 03\n10 703 05\n20 000 02 00\n30 703 04\n40 000 80 03\n40.3 703 04\n50 703 7F\n",
         {
