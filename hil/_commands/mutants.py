@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from hil._commands.terminal import console, print_json, quiet_stdout
+from hil.configurations import CONFIGURATION
 from hil.errors import CannotRunError
 from hil.mutants import (
     Coverage,
@@ -122,6 +123,7 @@ def seed_defects(request: MutantsRequest) -> int:
             limit_s=request.limit_s,
             most_cases=request.most_cases,
             budget_s=request.budget_s,
+            drops_red=request.judge == "fuzz",
         )
 
         def on_result(result: MutantResult, done: int, total: int) -> None:
@@ -220,7 +222,10 @@ def _references(request: MutantsRequest) -> tuple[str, ...]:
     folder = (
         request.coverage or Path(".hil/coverage.jsonl")
     ).parent / f"fuzz-{request.programs}-{request.seed}"
-    return (str(write_programs(folder, request.programs, request.seed)),)
+    # The benches that the campaigns judge on; machines of configurations have their own half.
+    benches = dict.fromkeys(judge.bench for judge in find_judges())
+    others = [one for one in benches if CONFIGURATION not in one]
+    return (str(write_programs(folder, request.programs, request.seed, others)),)
 
 
 def write_report(seeding: Seeding, directory: Path) -> None:
@@ -255,7 +260,14 @@ def _show(mutants: Sequence[Mutant], *, as_json: bool) -> int:
 
 def _tell(seeding: Seeding, report: Path | None) -> None:
     out = console()
-    if seeding.red:
+    if seeding.red and seeding.results:
+        out.print(
+            f"{len(seeding.red)} of {len(seeding.baseline)} programs are red without any defect: they judge "
+            "nothing",
+            style="bold yellow",
+            markup=False,
+        )
+    elif seeding.red:
         out.print(
             f"{len(seeding.red)} of {len(seeding.baseline)} cases are red without any defect; repair them "
             f"first, a defect cannot be "

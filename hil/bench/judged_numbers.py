@@ -152,6 +152,8 @@ def numbers_of_drive(section: DriveTable, bench: BenchTable) -> dict[str, float]
             "gear_ratio": -machine.gear_ratio if machine.reversed else machine.gear_ratio,
             "backlash_m": machine.backlash_mm / 1000.0,
         }
+        if machine.gravity_n:
+            numbers["gravity_n"] = machine.gravity_n
         stops_mm = {"negative_stop": machine.negative_stop_mm, "positive_stop": machine.positive_stop_mm}
         numbers |= {side: stop_mm / 1000.0 for side, stop_mm in stops_mm.items() if stop_mm is not None}
     return numbers

@@ -12,7 +12,9 @@ from motion.s7.variables import elements, variables_of
 if TYPE_CHECKING:
     from hil.bench.axis_config import AxisTable
 
-_LENGTH_UNITS: Final = frozenset({"mm", "mm/s3", "position", "acceleration", "jerk", "position/revolution"})
+_LENGTH_UNITS: Final = frozenset(
+    {"mm", "mm/s2", "mm/s3", "position", "acceleration", "jerk", "position/revolution"}
+)
 _VELOCITY_UNITS: Final = frozenset({"mm/s", "velocity"})
 _TYPES: Final = {"positioning": "PositioningAxis", "synchronous": "SynchronousAxis"}
 _LINES: Final = ".Parameter.Resolution"

@@ -33,9 +33,9 @@ _REST_S = 0.1
 
 def pushed_spans(trace: Trace, drive: str) -> list[tuple[float, float]]:
     """Return when something else than the drive may move the mechanics: a force,
-    a released block, an end stop.
+    a released block, an end stop, the weight of the load until a brake holds it.
     """
-    spans = []
+    spans = _falling_spans(trace, drive)
     pushing: dict[object, float] = {}
     for entry in trace.select(source=drive, kind="fault."):
         if not str(entry.data.get("fault", "")).startswith("mechanics."):
@@ -47,6 +47,21 @@ def pushed_spans(trace: Trace, drive: str) -> list[tuple[float, float]]:
             spans.append((pushing.pop(number), entry.time_ns * 1e-9 + _AFTER_PUSH_S))
     spans += [(start, float("inf")) for start in pushing.values()]
     return spans + _stop_spans(trace, drive)
+
+
+def _falling_spans(trace: Trace, drive: str) -> list[tuple[float, float]]:
+    """Return when a load may fall, where the bench states its weight (`<drive>.gravity_n`): always, without a
+    brake; else until the brake has closed.
+    """
+    if not trace.constants.get(f"{drive}.gravity_n"):
+        return []
+    if not trace.constants.get(f"{drive}.brake_torque_nm"):
+        return [(0.0, float("inf"))]
+    closing_s = trace.constants.get(f"{drive}.brake_closing_s", 0.0)
+    return [
+        (entry.time_ns * 1e-9, entry.time_ns * 1e-9 + closing_s + _AFTER_PUSH_S)
+        for entry in trace.select(source=drive, kind="drive.state")
+    ]
 
 
 def _stop_spans(trace: Trace, drive: str) -> list[tuple[float, float]]:

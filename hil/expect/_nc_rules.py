@@ -13,10 +13,27 @@ from reports.model import Check
 
 _OPERATIONAL: Final = 1 << 0
 _NOT_MOVING: Final = 1 << 2
+_HAS_JOB: Final = 1 << 8
 _FORWARD: Final = 1 << 9
 _BACKWARD: Final = 1 << 10
+_COUPLED: Final = 1 << 5
+_EXTERNAL: Final = 1 << 14
 _ERROR: Final = 1 << 31
+_CORRECTED: Final = 1 << 20
+"""Of `OpModeDWord`: a correction is added to the actual position."""
 _STANDS: Final = 1e-9
+_STEPS: Final = (
+    "axis.position_set",
+    "axis.setpoint_step",
+    "axis.emergency_stop",
+    "axis.fast_stop",
+    "axis.reset",
+    "axis.error",
+    "axis.feed_missing",
+)
+"""Events with which set values may step, or end at once."""
+_AROUND: Final = 3
+"""Cycles around such an event."""
 
 
 class NcAxisView:
@@ -32,12 +49,50 @@ class NcAxisView:
         word = trace[f"{name}.state_dword"]
         self.time_s: Numbers = np.asarray(word.time_s, dtype=np.float64)
         self.word = np.asarray(word.values).astype(np.int64)
+        self.position = self._of(trace, name, "set_position")
         self.velocity = self._of(trace, name, "set_velocity")
+        self.acceleration = self._of(trace, name, "set_acceleration")
+        self.actual = self._of(trace, name, "actual_position")
+        self.lag = self._of(trace, name, "following_error")
         self.output = self._of(trace, name, "output")
         self.code = self._of(trace, name, "error_code")
         self.cycles = self._of(trace, name, "op_mode_dword").astype(np.int64) >> 24 & 0xFF
+        corrected = self._of(trace, name, "op_mode_dword").astype(np.int64) & _CORRECTED != 0
+        self.corrected: Flags = corrected | np.concatenate((corrected[1:], [False]))
+        """Cycles in which a correction is added to its actual position."""
         self.two_speed = bool(trace.constants.get(f"{name}.two_speed"))
         """Whether its set values are the actual ones (NC-607)."""
+        self.cycle_s = float(trace.constants.get(f"{name}.cycle_s", 0.0))
+        self.moved = self._moved(trace, name)
+        """Cycles around which the set values may step."""
+
+    def _moved(self, trace: Trace, name: str) -> Flags:
+        flags = np.zeros(len(self.time_s), dtype=bool)
+        for entry in trace.select(source=name):
+            if entry.kind in _STEPS:
+                at = int(np.searchsorted(self.time_s, entry.time_ns * 1e-9 - 1e-9))
+                flags[max(at - _AROUND, 0) : at + _AROUND + 1] = True
+        return flags
+
+    @property
+    def generated(self) -> Flags:
+        """Cycles that follow on one another and in which the axis makes its set values."""
+        own = (
+            self.bit(_OPERATIONAL)
+            & ~self.bit(_ERROR)
+            & ~self.bit(_EXTERNAL)
+            & ~self.bit(_COUPLED)
+            & ~self.moved
+        )
+        behind = np.concatenate(([False], own[:-1]))
+        follows = np.abs(np.diff(self.time_s, prepend=-1.0) - self.cycle_s) < 0.01 * self.cycle_s
+        # At the end of a motion the lag is cleared, and the set position becomes the actual one. An encoder
+        # axis never has any: its set values are its actual ones (NC-060).
+        lags = self.lag != 0.0
+        own &= lags & self.bit(_HAS_JOB)
+        behind &= np.concatenate(([False], lags[:-1]))
+        counted = np.concatenate(([False], np.diff(self.cycles) % 256 == 1))
+        return own & behind & follows & counted
 
     @staticmethod
     def _of(trace: Trace, name: str, column: str) -> Numbers:
@@ -101,6 +156,41 @@ def _counter(axis: NcAxisView) -> Judged | None:
     return axis.judged(_always(axis), wrong, "the cycle counter of OpModeDWord jumps")
 
 
+def _lag(axis: NcAxisView) -> Judged | None:
+    if axis.two_speed:
+        return None
+    where = axis.generated & ~axis.corrected
+    off = np.abs(axis.lag - (axis.position - axis.actual))
+    return axis.judged(
+        where, off > 1e-6 * (1.0 + np.abs(axis.position)), "lag is not set minus actual position"
+    )
+
+
+def _set_position(axis: NcAxisView) -> Judged | None:
+    if axis.two_speed or not axis.cycle_s or len(axis.time_s) < 2:
+        return None
+    p, v, a, cycle_s = axis.position, axis.velocity, axis.acceleration, axis.cycle_s
+    way = 0.5 * (v[1:] + v[:-1]) * cycle_s
+    gained = np.abs(v[1:] - v[:-1] - 0.5 * (a[1:] + a[:-1]) * cycle_s)
+    bound = np.abs(a[1:] - a[:-1]) * cycle_s**2 / 8.0 + 0.6 * gained * cycle_s + 1e-6 * (1.0 + np.abs(p[1:]))
+    off = np.concatenate(([False], np.abs(p[1:] - p[:-1] - way) > bound))
+    return axis.judged(axis.generated, off, "the set position is not the integral of the set velocity")
+
+
+def _set_velocity(axis: NcAxisView) -> Judged | None:
+    if axis.two_speed or not axis.cycle_s or len(axis.time_s) < 4:
+        return None
+    v, a, cycle_s = axis.velocity, axis.acceleration, axis.cycle_s
+    low, high = np.minimum(a[1:], a[:-1]) * cycle_s, np.maximum(a[1:], a[:-1]) * cycle_s
+    # One step of the acceleration may lie within the cycle, or in one of the two around it.
+    slack = np.maximum.reduce([high - low, np.roll(high - low, 1), np.roll(high - low, -1)]) + 1e-6
+    gained = v[1:] - v[:-1]
+    off = np.concatenate(([False], (gained < low - slack) | (gained > high + slack)))
+    where = axis.generated
+    where[-1] = False
+    return axis.judged(where, off, "the set velocity is not the integral of the set acceleration")
+
+
 NC_RULES: Final[tuple[Rule[NcAxisView], ...]] = (
     Rule(
         name="error code and status",
@@ -143,6 +233,29 @@ NC_RULES: Final[tuple[Rule[NcAxisView], ...]] = (
         requirements=("NC-472",),
         tolerance="none",
         judge=_counter,
+    ),
+    Rule(
+        name="position lag",
+        says="the position lag is the set position minus the actual position",
+        requirements=("NC-004",),
+        tolerance="rounding; not of two-speed axes, or while a correction is added",
+        judge=_lag,
+    ),
+    Rule(
+        name="set position",
+        says="the set position is the integral of the set velocity",
+        requirements=("NC-165",),
+        tolerance="what a change of the acceleration within the cycle can make; not around a position "
+        "that is set, without a job, of coupled axes, or with external setpoints",
+        judge=_set_position,
+    ),
+    Rule(
+        name="set velocity",
+        says="the set velocity is the integral of the set acceleration",
+        requirements=("NC-165",),
+        tolerance="one change of the acceleration within the cycle or the two around it; otherwise as "
+        "the set position",
+        judge=_set_velocity,
     ),
 )
 """Rules that hold for every NC axis, whatever a case is about. Those of drives, buses and mechanics hold

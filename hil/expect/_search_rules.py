@@ -327,6 +327,8 @@ def _drifted(trace: Trace, axis: str, drive: str, scale: float) -> tuple[float, 
     if trace.constants.get(f"{axis}.Sensor[1].Backlash.Enable"):
         # What is added to the position by the direction of motion.
         margin += trace.constants.get(f"{axis}.Sensor[1].Backlash.Size", 0.0)
+    # An encoder on the motor does not show where in its play the load is.
+    margin += trace.constants.get(f"{drive}.backlash_m", 0.0) * (1000.0 if actual.unit == "mm" else 1.0)
     known = linked & ~disturbed & ~np.isnan(true) & ~np.isnan(speed)
     offset: float | None = None
     settle = 0

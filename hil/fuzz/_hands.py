@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from fieldbus.errors import ConfigurationError
-from hil.bench.units import UnitScale
+from hil.bench.units import MILLIMETRES, UnitScale
 from hil.fuzz._nc_hands import NcHands
 from hil.fuzz._nc_jobs import NC_JOBS
+from hil.fuzz._program import DERIVED, LET_GO, instruction_of, is_own
+from hil.fuzz._s7_jobs import INSTRUCTIONS, STARTERS, jobs_of, values_of
 from motion.nc.handles import NcAxisHandle
 
 if TYPE_CHECKING:
@@ -42,6 +44,9 @@ def hands_of(bench: Bench, name: str, watch: Callable[[NamedJob], object]) -> Ha
         watch: Takes every instance whose outputs are to be looked at.
 
     """
+    handle = _object_without_motion(bench, name)
+    if handle is not None:
+        return ObjectHands(handle, watch=watch)
     axis: object = bench.axis(name or None)
     if isinstance(axis, NcAxisHandle):
         return NcHands(axis, master=lambda other: bench.axis(other, controller="nc").ref, watch=watch)
@@ -53,6 +58,62 @@ def hands_of(bench: Bench, name: str, watch: Callable[[NamedJob], object]) -> Ha
         return bench.cam(other)
 
     return TechnologyHands(bench.axis(name or None), leader=leader, cam=cam, watch=watch)
+
+
+def _object_without_motion(bench: Bench, name: str) -> Any:
+    """Return a technology object that is no axis, by name; None: it is one, or there is none."""
+    if not name or not is_own(bench):
+        return None
+    if name in bench.external_encoder_names:
+        return bench.external_encoder(name)
+    if name in bench.measuring_input_names:
+        return bench.measuring_input(name)
+    if name in bench.cam_names:
+        return bench.cam(name)
+    return bench.proxy(name) if name in bench.proxy_names else None
+
+
+def _start(job: str) -> dict[str, bool]:
+    """Return the input that starts an instruction."""
+    return {next(one for one in STARTERS if one in INSTRUCTIONS[job].inputs): True}
+
+
+def _let_go(held: dict[str, Instruction], job: str) -> None:
+    """Take the starting inputs of the last instance of an instruction away."""
+    instance = held.pop(job, None)
+    if instance is not None:
+        instance.set(**{one: False for one in STARTERS if one in instance.inputs})
+
+
+class ObjectHands:
+    """Gives instructions to a technology object that is no axis.
+
+    Args:
+        handle: The technology object.
+        watch: Takes every instance whose outputs are to be looked at.
+
+    """
+
+    def __init__(self, handle: Any, *, watch: Callable[[NamedJob], object]) -> None:
+        self._handle = handle
+        self._watch = watch
+        self._held: dict[str, Instruction] = {}
+
+    def do(self, step: Do) -> None:
+        """Give an instruction."""
+        if step.job == LET_GO:
+            _let_go(self._held, step.text("job"))
+            return
+        if step.job not in jobs_of(self._handle.object):
+            raise ConfigurationError(f"step {step.job}", self._handle.name, "an object that knows it")
+        if step.job == "power":
+            self._handle.power(bool(step.parameters.get("StartMode", 1)))
+            return
+        inputs = values_of(step.job, step.parameters, MILLIMETRES)
+        job = self._handle.run(INSTRUCTIONS[step.job](self._handle.object))
+        job.set(**_start(step.job), **inputs)
+        self._held[step.job] = job
+        self._watch(job)
 
 
 _HOW: Final = {"jerk": "Jerk", "buffer": "BufferMode"}
@@ -122,6 +183,14 @@ class TechnologyHands:
             case "override":
                 axis.write("Override.Velocity", value("factor"))
                 return
+            case "assign":
+                path, number = step.text("path"), value("value")
+                real = axis.variables.describe(path).data_type == "LREAL"
+                axis.write(path, number if real else int(number))
+                return
+            case "let_go":
+                _let_go(self._held, step.text("job"))
+                return
             case "reset":
                 job: Instruction = axis.reset()
             case "home":
@@ -146,8 +215,16 @@ class TechnologyHands:
                 job = axis.halt()
             case "stop":
                 job = axis.stop(whole("mode"))
+            case one if one in DERIVED:
+                if one not in jobs_of(axis.object):
+                    raise ConfigurationError(f"step {one}", axis.name, "an axis that knows it")
+                job = axis.run(INSTRUCTIONS[one](axis.object))
+                job.set(**_start(one))
             case _:
                 job = self._synchronous(step)
+        instruction = instruction_of(step.job)
+        if instruction:
+            job.set(**values_of(instruction, step.parameters, scale))
         self._held[step.job] = job
         self._watch(job)
 

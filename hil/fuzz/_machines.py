@@ -6,15 +6,37 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Final
 
 from hypothesis import strategies as st
 
 from hil.fuzz._configuration import MACHINE, Configuration
-from hil.fuzz._program import Participant, Program, job_names, participants
-from hil.fuzz._strategies import fault_kinds, identifiers_of, programs
+from hil.fuzz._device_strategies import device_preamble, device_steps
+from hil.fuzz._devices import Devices
+from hil.fuzz._program import (
+    Do,
+    ObjectWithoutMotion,
+    Participant,
+    Program,
+    Step,
+    Variable,
+    is_own,
+    job_names,
+    objects_of,
+    participants,
+    variables_of,
+)
+from hil.fuzz._strategies import (
+    assignments,
+    fault_kinds,
+    identifiers_of,
+    object_steps,
+    preamble_of,
+    programs,
+    steps,
+)
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
@@ -28,23 +50,53 @@ NUMBER: Final = 12
 
 @dataclass(frozen=True)
 class Machine:
-    """What a program can do on a bench."""
+    """What a program can do on a bench; plain data."""
 
     kinds: tuple[str, ...]
     """Faults, as of `fault_kinds`."""
     jobs: tuple[str, ...]
-    """Instructions of its only axis."""
+    """Instructions of its only axis; none: it has no axis."""
     axes: tuple[Participant, ...]
     """Its axes, where there are several."""
     identifiers: dict[str, int]
     """Identifiers on CAN by message, as of `identifiers_of`."""
+    objects: tuple[ObjectWithoutMotion, ...] = ()
+    variables: tuple[Variable, ...] = ()
+    devices: Devices = field(default_factory=Devices)
 
     @classmethod
     def of(cls, bench: Bench, axes: int = MOST_AXES) -> Machine:
-        """Look at a bench; programs give instructions to so many of its axes at most."""
-        count = min(axes, len(bench.axis_names))
-        several = participants(bench, count) if count > 1 else ()
-        return cls(tuple(fault_kinds(bench)), job_names(bench.axis()), several, identifiers_of(bench))
+        """Look at a bench; programs give instructions to so many of its axes at most.
+
+        Raises:
+            CannotRunError: The bench has fewer axes, and more than one was asked for.
+
+        """
+        several = participants(bench, axes) if axes != 1 else ()
+        if not is_own(bench):
+            return cls(tuple(fault_kinds(bench)), job_names(bench.axis()), several, identifiers_of(bench))
+        names = (*bench.axis_names, *bench.nc_axis_names)
+        if not names:
+            return cls((), (), (), {}, devices=Devices.of(bench))
+        return cls(
+            tuple(fault_kinds(bench)),
+            job_names(bench.axis()),
+            several,
+            identifiers_of(bench),
+            objects_of(bench),
+            variables_of(bench, names[:axes]),
+            Devices.of(bench),
+        )
+
+    def steps(self) -> SearchStrategy[Step]:
+        """Return a strategy of single steps."""
+        return steps(self.kinds, self.identifiers, self.jobs, self.axes, others=self._others())
+
+    def preamble(self) -> tuple[Step, ...]:
+        """Return the steps that programs begin with."""
+        own = preamble_of(self.axes, self.jobs) if self.jobs else ()
+        powers = tuple(Do("power", axis=one.name) for one in self.objects if "power" in one.jobs)
+        return (*device_preamble(self.devices), *own, *powers)
 
     def programs(
         self, longest: int, configurations: SearchStrategy[Configuration]
@@ -56,8 +108,22 @@ class Machine:
             jobs=self.jobs,
             axes=self.axes,
             longest=longest,
+            preamble=self.preamble(),
             configurations=configurations,
+            others=self._others(),
         )
+
+    def _others(self) -> list[SearchStrategy[Step]]:
+        return [
+            *([object_steps(self.objects)] if self.objects else []),
+            *([assignments(self.variables)] if self.variables else []),
+            *device_steps(self.devices),
+        ]
+
+
+def axes_of(bench: Bench) -> int:
+    """Return how many axes of a bench the programs of a search give instructions to."""
+    return min(MOST_AXES, max(1, len(bench.axis_names) + len(bench.nc_axis_names)))
 
 
 def machine_names(seed: int, number: int = NUMBER) -> tuple[str, ...]:
@@ -78,5 +144,5 @@ def on_machines(names: Sequence[str], longest: int) -> SearchStrategy[Program]:
 def _programs_on(name: str, longest: int) -> SearchStrategy[Program]:
     configuration = Configuration({MACHINE: {"name": name}})
     with configuration.machine().build(seed=0) as bench:
-        machine = Machine.of(bench)
+        machine = Machine.of(bench, axes_of(bench))
     return machine.programs(longest, st.just(configuration))

@@ -49,7 +49,7 @@ ONLINE: Final[Mapping[str, tuple[Value, ...]]] = {
 }
 """Parameters that a program writes while the axis runs, and the values that are drawn."""
 
-_UNITS: Final = {
+UNITS: Final = {
     "Position": "mm",
     "Distance": "mm",
     "Velocity": "mm/s",
@@ -61,7 +61,14 @@ _UNITS: Final = {
     "Override": "%",
     "Backlash": "mm",
     "PositionCorrectionValue": "mm",
+    **dict.fromkeys(("StartPosition", "EndPosition", "SlavePosition", "MasterSyncPosition"), "mm"),
+    **dict.fromkeys(("SlaveSyncPosition", "MasterStartDistance", "MasterStopDistance"), "mm"),
+    **dict.fromkeys(("Offset", "OffsetDistance", "PhaseShift", "PhasingDistance"), "mm"),
+    **dict.fromkeys(("MasterOffset", "SlaveOffset", "LeadingValue", "FollowingValue"), "mm"),
+    "ApproachLeadingValue": "mm",
+    "AccelerationDiff": "mm/s2",
 }
+"""Units of the inputs that have one, by their names, for either make of controller."""
 _STARTS: Final = "Execute"
 
 
@@ -77,7 +84,7 @@ def _parameter(name: str, default: object) -> Parameter:
         return Parameter(name, "text", f"{summary}: name of an axis", required=True)
     if not isinstance(default, (int, float)):
         raise TypeError(name)
-    return Parameter(name, "float", summary, _UNITS.get(name, ""), -1e12, 1e12, default=float(default))
+    return Parameter(name, "float", summary, UNITS.get(name, ""), -1e12, 1e12, default=float(default))
 
 
 def _inputs(block: type[Block]) -> tuple[Parameter, ...]:

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.errors import ConfigurationError
 from hil.bench.units import MILLIMETRES, UnitScale
 from hil.errors import CannotRunError
 from hil.faults import Fault, Parameter
 from hil.fuzz._configuration import Configuration
+from hil.fuzz._device_jobs import DEVICE_JOBS
 from hil.fuzz._nc_jobs import COUPLED, NC_JOBS
+from hil.fuzz._s7_jobs import INSTRUCTIONS, inputs_of, is_complete, jobs_of
 from motion.nc.handles import NcAxisHandle
+from motion.s7.handles import AxisHandle
 from reports.json_types import JsonObject
 
 if TYPE_CHECKING:
     from fieldbus.history import Scalar
     from hil.bench.bench import Bench
+    from motion.s7.variables import Variable as Definition
 
 _HOW: Final = (
     Parameter(
@@ -46,7 +50,9 @@ def _profile(known: tuple[int, ...]) -> Parameter:
 
 
 REMOVE_FAULTS: Final = "remove_faults"
-_S7_JOBS: Final[dict[str, tuple[Parameter, ...]]] = {
+ASSIGN: Final = "assign"
+LET_GO: Final = "let_go"
+_SHORT: Final[dict[str, tuple[Parameter, ...]]] = {
     "power_on": (),
     "power_off": (Parameter("stop_mode", "int", "StopMode", minimum=0, maximum=3, default=0),),
     "reset": (),
@@ -125,11 +131,54 @@ _S7_JOBS: Final[dict[str, tuple[Parameter, ...]]] = {
     ),
     "additive_release": (),
 }
-JOBS: Final[dict[str, tuple[Parameter, ...]]] = {**_S7_JOBS, **NC_JOBS}
-"""Instructions of a program, with their parameters: for technology objects, then for NC axes."""
-SYNCHRONOUS: Final = tuple(_S7_JOBS)[tuple(_S7_JOBS).index("gear_in") :]
+"""Steps with parameters of their own, in mm and s."""
+SYNCHRONOUS: Final = tuple(_SHORT)[tuple(_SHORT).index("gear_in") :]
 """Those of a technology object that follows others."""
+_INSTRUCTION: Final = {
+    "jog": "move_jog",
+    "phasing": "phasing_relative",
+    "offset": "offset_relative",
+    "interpolate": "interpolate_cam",
+}
+"""Step -> the name that its instruction has among all of them, where that is another one."""
 
+
+def instruction_of(job: str) -> str:
+    """Return the name that the instruction of a step has among `INSTRUCTIONS`; empty: it has none."""
+    name = _INSTRUCTION.get(job, job)
+    return name if name in INSTRUCTIONS else ""
+
+
+def _with_inputs(job: str, short: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
+    instruction = instruction_of(job)
+    return (*short, *inputs_of(instruction)) if instruction else short
+
+
+_S7_JOBS: Final[dict[str, tuple[Parameter, ...]]] = {
+    **{job: _with_inputs(job, short) for job, short in _SHORT.items()},
+    **{job: inputs_of(job) for job in INSTRUCTIONS if is_complete(job) and job not in _SHORT},
+    ASSIGN: (
+        Parameter("path", "text", "Variable of the technology data block", required=True),
+        Parameter("value", "float", "In the unit of the variable", required=True),
+    ),
+    LET_GO: (
+        Parameter(
+            "job",
+            "text",
+            "Step whose last instance gets Execute, Enable and the jog inputs FALSE",
+            required=True,
+        ),
+    ),
+}
+JOBS: Final[dict[str, tuple[Parameter, ...]]] = {**_S7_JOBS, **NC_JOBS, **DEVICE_JOBS}
+"""Instructions of a program, with their parameters: for technology objects, for NC axes, and what is asked
+of devices.
+"""
+DERIVED: Final = frozenset(_S7_JOBS) - frozenset(_SHORT)
+"""Instructions of technology objects that have the inputs of their definition alone."""
+
+_ASSIGNED: Final = ("DIR", "CAL")
+"""Classes of access of variables that the program may assign while the object runs."""
 _NEEDS: Final = {
     "move_superimposed": "move_superimposed",
     "halt_superimposed": "halt_superimposed",
@@ -151,11 +200,21 @@ def job_names(axis: object) -> tuple[str, ...]:
     """
     if isinstance(axis, NcAxisHandle):
         return (*(job for job in NC_JOBS if job not in COUPLED), REMOVE_FAULTS)
-    return tuple(
-        job
-        for job in _S7_JOBS
-        if job not in SYNCHRONOUS and (job not in _NEEDS or hasattr(axis, _NEEDS[job]))
-    )
+    # A user's own axis says by its methods what it knows.
+    known = jobs_of(axis.object) if isinstance(axis, AxisHandle) else None
+
+    def has(job: str) -> bool:
+        if job in DERIVED:
+            if known is None or job == LET_GO:
+                return known is not None
+            # power_on and power_off keep one instance.
+            return job in known and job not in {"power", *_INSTRUCTION.values()}
+        instruction = instruction_of(job)
+        if known is not None and instruction and is_complete(instruction) and instruction not in known:
+            return False
+        return job not in SYNCHRONOUS and (job not in _NEEDS or hasattr(axis, _NEEDS[job]))
+
+    return tuple(job for job in _S7_JOBS if has(job))
 
 
 @dataclass(frozen=True)
@@ -199,6 +258,73 @@ def participants(bench: Bench, count: int) -> tuple[Participant, ...]:
             )
         )
     return tuple(found)
+
+
+@dataclass(frozen=True)
+class ObjectWithoutMotion:
+    """A technology object that is no axis: an external encoder, a measuring input, a cam, a proxy."""
+
+    name: str
+    jobs: tuple[str, ...]
+    """Instructions that it knows."""
+
+
+def is_own(bench: object) -> bool:
+    """Return whether a bench is made of a bench file, and not a user's own that has what programs need."""
+    from hil.bench.bench import Bench as OwnBench
+
+    return isinstance(bench, OwnBench)
+
+
+def objects_of(bench: Bench) -> tuple[ObjectWithoutMotion, ...]:
+    """Return the technology objects of a bench that are no axes."""
+    found: list[Any] = [
+        *(bench.external_encoder(name) for name in bench.external_encoder_names),
+        *(bench.measuring_input(name) for name in bench.measuring_input_names),
+        *(bench.cam(name) for name in bench.cam_names),
+        *(bench.proxy(name) for name in bench.proxy_names),
+    ]
+    return tuple(ObjectWithoutMotion(one.name, jobs_of(one.object)) for one in found)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of an axis that the program may assign."""
+
+    axis: str
+    path: str
+    values: tuple[float, ...]
+    """What it is given."""
+
+
+def variables_of(bench: Bench, names: Sequence[str]) -> tuple[Variable, ...]:
+    """Return the variables of technology objects that a program may assign while they run."""
+    found = []
+    for name in names:
+        axis: object = bench.axis(name)
+        if not isinstance(axis, AxisHandle):
+            continue
+        store = axis.variables
+        for path in store.paths():
+            if store.describe(path).access not in _ASSIGNED:
+                continue
+            values = _others_for(store.describe(path), store.start_value(path))
+            if values:
+                found.append(Variable(name, path, values))
+    return tuple(found)
+
+
+def _others_for(variable: Definition, start: float) -> tuple[float, ...]:
+    """Return values for a variable: others of a kind that has names, and parts and multiples of a number."""
+    if variable.data_type == "BOOL":
+        return (0.0, 1.0)
+    if variable.enum:
+        return tuple(float(one) for one in variable.enum)
+    if variable.data_type != "LREAL" or not start:
+        return ()
+    low, high = variable.limits(0)
+    tried = (start, start * 0.5, start * 1.5, start * 0.9)
+    return tuple(one for one in tried if (low is None or one >= low) and (high is None or one <= high))
 
 
 LONGEST_WAIT_S: Final = 60.0

@@ -29,7 +29,7 @@ CAMPAIGN = regressions(Path(__file__).parent)
 _KEYS: Final = {"title": str, "bench": str, "seed": int, "program": list}
 
 
-def regressions(folder: Path, title: str = "regressions") -> Campaign:
+def regressions(folder: Path, title: str = "regressions", *, complete: bool = True) -> Campaign:
     """Return a campaign with a case for each kept program of a folder.
 
     Each case runs its program with the seed that it was found with, and all invariants of a search have to
@@ -38,6 +38,7 @@ def regressions(folder: Path, title: str = "regressions") -> Campaign:
     Args:
         folder: Where `hil keep` has put them, as files with the ending `.json`.
         title: Of the campaign.
+        complete: Whether a step that a bench cannot do blocks its case; otherwise it is left out.
 
     Raises:
         CannotRunError: A file is no kept program; the message says which, and what is wrong in it.
@@ -52,7 +53,7 @@ def regressions(folder: Path, title: str = "regressions") -> Campaign:
                 identifier=f"{title}/{file.stem}",
                 title=kept.title,
                 group=title,
-                function=functools.partial(check_program, program=kept.program),
+                function=functools.partial(check_program, program=kept.program, complete=complete),
                 tags=campaign.tags,
                 bench=str(path) if path.is_file() else kept.bench,
                 seed=kept.seed,

@@ -13,6 +13,8 @@ from hil.campaign._execute import collect_evidence
 from hil.errors import BlockedError, CaseTimeoutError, ExpectationFailedError, UnsupportedFaultError
 from hil.expect import ALWAYS_ON, SEARCH_RULES, run_checkers, undecided_until
 from hil.faults import Fault, Injector
+from hil.fuzz._device_hands import DeviceHands
+from hil.fuzz._device_jobs import DEVICE_JOBS
 from hil.fuzz._hands import Hands, hands_of
 from hil.fuzz._invariants import Invariant, NamedJob, OneJobOutput, Violation, default_invariants
 from hil.fuzz._program import REMOVE_FAULTS, Break, Program, Step, Wait
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
 InvariantFactory = Callable[["Bench"], list[Invariant]]
 STEP_S: Final = 0.012
 """Bench time after every instruction, so that its edge is seen."""
+DEVICES: Final = " devices"
+"""Whose hands ask the devices: no axis has this name."""
 SETTLE_S: Final = 1.0
 """Bench time after the last step."""
 _RULES: Final = (*ALWAYS_ON, *SEARCH_RULES)
@@ -107,13 +111,18 @@ def run_program(
 
 
 def check_program(
-    context: CaseContext, program: Program, *, invariants: InvariantFactory = default_invariants
+    context: CaseContext,
+    program: Program,
+    *,
+    complete: bool = True,
+    invariants: InvariantFactory = default_invariants,
 ) -> None:
     """Run a program in a case of a campaign: all invariants and rules of a search have to hold.
 
     Args:
         context: Of the case.
         program: What to do.
+        complete: Whether every step has to be possible; otherwise those that are not are left out.
         invariants: Makes the invariants for a bench.
 
     Raises:
@@ -130,7 +139,7 @@ def check_program(
     context.checks.extend(_checks(watched, violation, found))
     if violation is not None:
         raise ExpectationFailedError(str(violation))
-    if skipped:
+    if skipped and complete:
         raise BlockedError(f"a step of the program is not possible on this bench: {skipped[0]}")
 
 
@@ -213,10 +222,15 @@ def _perform(
     if step.job == REMOVE_FAULTS:
         context.faults.remove_all()
     else:
+        whose = DEVICES if step.job in DEVICE_JOBS else step.axis
         try:
-            if step.axis not in hands:
-                hands[step.axis] = hands_of(context.bench, step.axis, watch)
-            hands[step.axis].do(step)
+            if whose not in hands:
+                hands[whose] = (
+                    DeviceHands(context.bench)
+                    if whose == DEVICES
+                    else hands_of(context.bench, step.axis, watch)
+                )
+            hands[whose].do(step)
         except ConfigurationError as error:
             _skip(step, error, context, skipped)
     context.run_for(STEP_S)

@@ -23,19 +23,11 @@ from hil.errors import CannotRunError
 from hil.fuzz._configuration import MACHINE, bench_file_of
 from hil.fuzz._configuration_strategies import configurations
 from hil.fuzz._invariants import Violation, default_invariants
-from hil.fuzz._machines import on_machines
-from hil.fuzz._program import Participant, Program, job_names, participants
+from hil.fuzz._machines import Machine, on_machines
+from hil.fuzz._program import Program
 from hil.fuzz._run import FuzzOutcome, InvariantFactory, program_token, run_program
 from hil.fuzz._situations import Situation, configured, situations_of
-from hil.fuzz._strategies import (
-    UNCHANGED,
-    descendants,
-    fault_kinds,
-    identifiers_of,
-    preamble_of,
-    programs,
-    steps,
-)
+from hil.fuzz._strategies import UNCHANGED, descendants
 from reports.model import Verdict
 
 if TYPE_CHECKING:
@@ -86,10 +78,7 @@ class _Round:
     cases: int
     longest: int
     configurations: bool
-    kinds: tuple[str, ...]
-    jobs: tuple[str, ...]
-    axes: tuple[Participant, ...]
-    identifiers: dict[str, int]
+    machine: Machine
     parents: tuple[Program, ...]
     machines: tuple[str, ...] = ()
 
@@ -174,17 +163,14 @@ def search(
             0,
             longest,
             configurations,
-            tuple(fault_kinds(sample)),
-            job_names(sample.axis()),
-            participants(sample, axes) if axes != 1 else (),
-            identifiers_of(sample),
+            Machine.of(sample, axes),
             (),
             tuple(machines),
         )
     running.begin_with(parents)
     with _pool(jobs) as pool:
         running.go_on(plan, pool, bench)
-    return running.finish(plan.kinds, bench)
+    return running.finish(plan.machine.kinds, bench)
 
 
 class _Search:
@@ -329,19 +315,12 @@ def _do(
 
     attempt = _Attempt(bench_file, order.bench_seed, invariants, count)
     changes = configurations(bench_file_of(bench_file).config) if order.configurations else UNCHANGED
-    strategy = programs(
-        order.kinds,
-        order.identifiers,
-        jobs=order.jobs,
-        axes=order.axes,
-        longest=order.longest,
-        configurations=changes,
-    )
+    strategy = order.machine.programs(order.longest, changes)
     if order.machines:
         strategy = st.one_of(_whole(strategy), _whole(on_machines(order.machines, order.longest)))
     if order.parents:
-        step = steps(order.kinds, order.identifiers, order.jobs, order.axes)
-        longest = order.longest + len(preamble_of(order.axes, order.jobs))
+        step = order.machine.steps()
+        longest = order.longest + len(order.machine.preamble())
         others = changes if order.configurations else None
         strategy = st.one_of(
             strategy, descendants(order.parents, step, longest=longest, configurations=others)

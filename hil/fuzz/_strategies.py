@@ -11,23 +11,31 @@ from typing import TYPE_CHECKING, Any, Final
 from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy
 
-from hil.faults import CATALOGUE, Fault
+from hil.faults import CATALOGUE, Fault, Parameter
 from hil.faults._kind import environment
 from hil.faults.seams import missing
 from hil.fuzz._configuration import Configuration
+from hil.fuzz._device_jobs import DEVICE_JOBS
 from hil.fuzz._nc_jobs import NC_JOBS, WRITE
 from hil.fuzz._nc_strategies import block_inputs, parameter_values
 from hil.fuzz._program import (
+    ASSIGN,
+    DERIVED,
     JOBS,
+    LET_GO,
     REMOVE_FAULTS,
     SYNCHRONOUS,
     Break,
     Do,
+    ObjectWithoutMotion,
     Participant,
     Program,
     Step,
+    Variable,
     Wait,
+    instruction_of,
 )
+from hil.fuzz._s7_jobs import inputs_of
 from hil.fuzz._telegram_strategies import TELEGRAM_KINDS, telegram_fault
 
 if TYPE_CHECKING:
@@ -44,7 +52,9 @@ UNCHANGED: Final = st.just(Configuration())
 PREAMBLE: Final[tuple[Step, ...]] = (Do("power_on"), Wait(0.3))
 """What programs for one technology object begin with."""
 _NC_POWER: Final = Do("MC_Power", dict.fromkeys(("Enable", "Enable_Positive", "Enable_Negative"), True))
-OWN_JOBS: Final = tuple(job for job in JOBS if job not in SYNCHRONOUS and job not in NC_JOBS)
+OWN_JOBS: Final = tuple(
+    job for job in JOBS if job not in {*SYNCHRONOUS, *NC_JOBS, *DEVICE_JOBS, *DERIVED} or job == LET_GO
+)
 """Instructions of a technology object by itself."""
 OF_DRIVE: Final = frozenset({"drive", "switch", "mechanics", "encoder"})
 """Targets of faults that belong to a drive."""
@@ -94,7 +104,104 @@ def _jobs(names: Sequence[str]) -> SearchStrategy[Step]:
         "jog": {"velocity": velocity, "backward": st.booleans()},
         "stop": {"mode": st.sampled_from([0, 2, 3])},
     }
-    return st.one_of([_job(name, **known.get(name, {})) for name in names])
+    own = [
+        _derived(name) if name in DERIVED else _with_inputs(name, _job(name, **known.get(name, {})))
+        for name in names
+        if name != LET_GO
+    ]
+    held = [name for name in names if instruction_of(name)]
+    return st.one_of([*own, *([_held(held)] if LET_GO in names else [])])
+
+
+def _held(names: Sequence[str]) -> SearchStrategy[Step]:
+    return st.sampled_from(list(names)).map(lambda name: Do(LET_GO, {"job": name}))
+
+
+_INPUTS: Final[dict[str, tuple[Scalar, ...]]] = {
+    **dict.fromkeys(("Position", "StartPosition", "EndPosition"), (-45.0, -10.0, 0.0, 25.0, 130.0)),
+    **dict.fromkeys(("Distance", "Offset", "PhaseShift"), (-30.0, 0.0, 7.5, 60.0)),
+    **dict.fromkeys(("Velocity", "VelocityDiff"), (-20.0, 0.0, 15.0, 80.0, 220.0)),
+    "Acceleration": (-1.0, 0.0, 300.0, 700.0, 1500.0, 40_000.0),
+    "Deceleration": (-1.0, 0.0, 250.0, 900.0, 1800.0, 40_000.0),
+    "AccelerationDiff": (-300.0, 0.0, 500.0),
+    "Jerk": (-1.0, 0.0, 3000.0, 12_000.0),
+    "Direction": (0, 1, 2, 3, 4),
+    "SyncDirection": (1, 2, 3),
+    "SyncOutDirection": (1, 2, 3),
+    "ApproachDirection": (1, 2, 3),
+    "BufferMode": (0, 1, 2),
+    "Mode": (0, 1, 2, 3, 4, 5, 6, 7),
+    "StartMode": (0, 1),
+    "StopMode": (0, 1, 2, 3),
+    "Sensor": (0, 1, 2),
+    "ReferenceSensor": (1, 2),
+    "Limit": (-1.0, 0.05, 0.5, 2.0),
+    "UpperLimit": (0.2, 1.0, 1e6),
+    "LowerLimit": (-1e6, -1.0, -0.1),
+    "ParameterNumber": (1000, 1003, 1005, 1010, 1020, 1022, 1050, 1100, 9999),
+    "Value": (0.0, 1.0, 5.0, 200.0),
+    **dict.fromkeys(("STW1", "STW1BitMask", "STW2", "STW2BitMask"), (0, 0x0800, 0x1000)),
+    **dict.fromkeys(("MasterScaling", "SlaveScaling"), (0.5, 1.0, 2.0)),
+    **dict.fromkeys(("LeadingValue", "FollowingValue", "ApproachLeadingValue"), (-10.0, 0.0, 20.0, 90.0)),
+    **dict.fromkeys(("MasterOffset", "SlaveOffset"), (-5.0, 0.0, 12.5)),
+    "ProfileReference": (0, 1, 2),
+    "SyncProfileReference": (0, 1, 2, 3, 4),
+    **dict.fromkeys(("PhasingDistance", "OffsetDistance"), (0.0, 15.0, 40.0)),
+    **dict.fromkeys(("MasterStartDistance", "MasterStopDistance"), (0.0, 15.0, 40.0)),
+}
+"""Values for inputs by their names: unlike each other, with borders and some that have to be refused."""
+
+
+def _input(parameter: Parameter) -> SearchStrategy[Scalar]:
+    if parameter.type == "bool":
+        return st.booleans()
+    known = _INPUTS.get(parameter.name)
+    if known is None:
+        return st.sampled_from([0, 1] if parameter.type == "int" else [0.0, 1.0, 10.0])
+    return st.sampled_from(list(known))
+
+
+def _derived(name: str) -> SearchStrategy[Step]:
+    """Return an instruction with the inputs of its definition, some of them given."""
+    return _with_inputs(name, st.just(Do(name)), most=4)
+
+
+def _with_inputs(name: str, step: SearchStrategy[Step], most: int = 2) -> SearchStrategy[Step]:
+    """Return an instruction with some of the inputs that have no short parameter."""
+    instruction = instruction_of(name)
+    inputs = inputs_of(instruction) if instruction else ()
+    if not inputs:
+        return step
+
+    def added(one: Step, chosen: list[tuple[str, Scalar]]) -> Step:
+        if not isinstance(one, Do) or not chosen:
+            return one
+        more = {key: value for key, value in chosen if key.lower() not in one.parameters}
+        return replace(one, parameters={**one.parameters, **more})
+
+    pairs = st.one_of([st.tuples(st.just(one.name), _input(one)) for one in inputs])
+    return st.builds(added, step, st.lists(pairs, max_size=min(most, len(inputs))))
+
+
+def object_steps(objects: Sequence[ObjectWithoutMotion]) -> SearchStrategy[Step]:
+    """Return instructions of technology objects that are no axes."""
+    return _whole(st.one_of([_whole(_of_object(one)) for one in objects if one.jobs]))
+
+
+def _of_object(one: ObjectWithoutMotion) -> SearchStrategy[Step]:
+    jobs = st.one_of([*(_derived(job) for job in one.jobs), _held(one.jobs)])
+    return _whole(jobs).map(lambda step: replace(step, axis=one.name) if isinstance(step, Do) else step)
+
+
+def assignments(variables: Sequence[Variable]) -> SearchStrategy[Step]:
+    """Return assignments of the user program to variables of axes."""
+    return _whole(
+        st.sampled_from(list(variables)).flatmap(
+            lambda one: st.sampled_from(one.values).map(
+                lambda value: Do(ASSIGN, {"path": one.path, "value": value}, one.axis)
+            )
+        )
+    )
 
 
 def _synchronous(leaders: Sequence[str], cams: Sequence[str]) -> SearchStrategy[Step]:
@@ -130,7 +237,7 @@ def _synchronous(leaders: Sequence[str], cams: Sequence[str]) -> SearchStrategy[
             "profile": st.integers(0, 6),
             "distance": distance,
         }
-    return st.one_of([_job(name, **known[name]) for name in SYNCHRONOUS if name in known])
+    return st.one_of([_with_inputs(name, _job(name, **known[name])) for name in SYNCHRONOUS if name in known])
 
 
 def _whole(strategy: SearchStrategy[Step]) -> SearchStrategy[Step]:
@@ -332,26 +439,35 @@ def steps(
     ids: dict[str, int],
     jobs: Sequence[str] = OWN_JOBS,
     axes: Sequence[Participant] = (),
+    others: Sequence[SearchStrategy[Step]] = (),
 ) -> SearchStrategy[Step]:
     """Return a strategy of single steps.
 
     Args:
         kinds: Fault kinds, as of `fault_kinds`.
         ids: Identifiers of the drive by message name (`bench.cob_ids`).
-        jobs: Instructions, as of `job_names`.
+        jobs: Instructions, as of `job_names`; none: the bench has no axis.
         axes: Axes that get the instructions, each those that it can; none: the first one gets `jobs`.
+        others: Steps of further kinds; all of them together are as likely as the instructions.
 
     """
     waits: SearchStrategy[Step] = _grid(1, 30, 0.02).map(Wait)
     # Each counts once, however many kinds it has: nested choices would be flattened, and nearly every step a
-    # fault.
-    faults = _whole(st.one_of([_fault(kind, ids) for kind in kinds]))
-    # Instructions twice: a fault needs a motion that it disturbs, and several axes have to come together.
-    if not axes:
-        return st.one_of(_whole(_jobs(jobs)), _whole(_jobs(jobs)), waits, faults)
-    given = _whole(st.one_of([_of_axis(one) for one in axes]))
-    aimed = st.builds(_aimed, faults, st.sampled_from(list(axes)))
-    return st.one_of(given, _whole(given), waits, aimed)
+    # fault. Instructions count several times: a fault needs a motion that it disturbs, and several axes have
+    # to come together.
+    found = [waits]
+    if axes:
+        given = _whole(st.one_of([_of_axis(one) for one in axes]))
+        found += [given, _whole(given)]
+    elif jobs:
+        found += [_whole(_jobs(jobs)), _whole(_jobs(jobs))]
+    if kinds:
+        faults = _whole(st.one_of([_fault(kind, ids) for kind in kinds]))
+        found.append(st.builds(_aimed, faults, st.sampled_from(list(axes))) if axes else faults)
+    if others:
+        more = _whole(st.one_of([_whole(one) for one in others]))
+        found += [more] if jobs else [more, _whole(more), _whole(more)]
+    return st.one_of(found)
 
 
 def programs(
@@ -363,6 +479,7 @@ def programs(
     longest: int = 12,
     preamble: Sequence[Step] | None = None,
     configurations: SearchStrategy[Configuration] = UNCHANGED,
+    others: Sequence[SearchStrategy[Step]] = (),
 ) -> SearchStrategy[Program]:
     """Return a strategy of programs.
 
@@ -374,9 +491,10 @@ def programs(
         longest: Greatest number of steps after the preamble.
         preamble: Steps that every program begins with; None: as of `preamble_of`.
         configurations: What is laid over the bench file, as of `configurations`; none by default.
+        others: As of `steps`.
 
     """
-    step = steps(kinds, ids, jobs, axes)
+    step = steps(kinds, ids, jobs, axes, others)
     if preamble is None:
         preamble = preamble_of(axes, jobs)
     # Three lists in a row: one long list would nearly always be drawn short.

@@ -56,6 +56,8 @@ class SeedingOptions:
     0: no limit."""
     most_cases: int = 0
     """So many of the cases that come to the changed statement are tried, as different as can be; 0: all."""
+    drops_red: bool = False
+    """A case that is red without a defect is left out, not the end of the run."""
 
 
 def changes_of(mutant: Mutant) -> list[dict[str, str]]:
@@ -356,7 +358,7 @@ class Seeder:
                 )
         self._run_without_defect(new, share)
         seeding.baseline_seconds += time.perf_counter() - started
-        return not seeding.red
+        return self._options.drops_red or not seeding.red
 
     def _run_without_defect(self, judges: Sequence[Judge], share: float = 0.0) -> None:
         """Run cases without a defect, and keep what they come to; `share`: of the budget, 0: all of them."""

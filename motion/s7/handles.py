@@ -515,25 +515,26 @@ class MeasuringInputHandle:
         """
         return self.object.var(path)
 
-    def _run(self, instance: _T) -> _T:
+    def run(self, instance: _T) -> _T:
+        """Hand an instance of your own to the runtime."""
         self._runtime.call(instance)
         return instance
 
     def measure(self, mode: int = 0, **inputs: Any) -> MC_MeasuringInput:
         """Start `MC_MeasuringInput`."""
-        return self._run(MC_MeasuringInput(self.object, Execute=True, Mode=mode, **inputs))
+        return self.run(MC_MeasuringInput(self.object, Execute=True, Mode=mode, **inputs))
 
     def measure_cyclic(self, mode: int = 0, **inputs: Any) -> MC_MeasuringInputCyclic:
         """Start `MC_MeasuringInputCyclic`."""
-        return self._run(MC_MeasuringInputCyclic(self.object, Execute=True, Mode=mode, **inputs))
+        return self.run(MC_MeasuringInputCyclic(self.object, Execute=True, Mode=mode, **inputs))
 
     def abort(self) -> MC_AbortMeasuringInput:
         """Start `MC_AbortMeasuringInput`."""
-        return self._run(MC_AbortMeasuringInput(self.object, Execute=True))
+        return self.run(MC_AbortMeasuringInput(self.object, Execute=True))
 
     def reset(self, *, restart: bool = False) -> MC_Reset:
         """Start `MC_Reset`."""
-        return self._run(MC_Reset(self.object, Execute=True, Restart=restart))
+        return self.run(MC_Reset(self.object, Execute=True, Restart=restart))
 
 
 class ProxyHandle(_Handle[LeadingAxisProxy]):

@@ -16,6 +16,7 @@ from hil.expect.rules import (
     _modbus_protocol,
     _places,
     _ramps,
+    _read_objects,
 )
 from hil.expect.rules._bus_views import BusView
 from hil.expect.rules._definition import Findings, Rule
@@ -42,6 +43,7 @@ DRIVE_RULES: Final[tuple[Rule[DriveView], ...]] = (
     *_bus_values.DRIVE_RULES,
     *_drive_words.DRIVE_RULES,
     *_causes.DRIVE_RULES,
+    *_read_objects.DRIVE_RULES,
 )
 BUS_RULES: Final[tuple[Rule[BusView], ...]] = _bus_protocol.BUS_RULES
 MODBUS_RULES: Final[tuple[Rule[ModbusView], ...]] = _modbus_protocol.MODBUS_RULES

@@ -188,7 +188,8 @@ def _status_sent(drive: DriveView) -> Judged | None:
     steady = 0xFFFF if drive.number("cia402") else ~_FLEETING & 0xFFFF
     word, shown = drive.word(column) & steady, sent.values.astype(np.int64) & steady
     later = np.minimum(at + 1, len(word) - 1)
-    broken = near & (shown != word[at]) & (shown != word[later])
+    # Bits need not change together: each has to be that of one of the two samples.
+    broken = near & ((shown ^ word[at]) & (shown ^ word[later]) != 0)
     changes = drive.whole.events.of(drive.name, "drive.state", "drive.warning", "drive.fault")
     calm = ~drive.near(changes, 1, 1)[at]
     return Judged(

@@ -393,6 +393,8 @@ def _left_operation(drive: DriveView) -> Judged | None:
         return None
     begin_s = _first_disturbance(drive)
     word = drive.word("controlword")
+    vocabulary = drive.whole.trace.vocabulary
+    led = vocabulary is not None and drive.name in dict(vocabulary.drives).values()
     found = []
     for entry in drive.whole.events.of(drive.name, "drive.state"):
         if str(entry.data.get("from", "")).lower() != "operation enabled":
@@ -400,6 +402,8 @@ def _left_operation(drive: DriveView) -> Judged | None:
         when, at = entry.time_ns * 1e-9, drive.index_of(entry.time_ns)
         if when >= begin_s or at >= len(word):
             continue
+        if not led and str(entry.data.get("to")).lower().startswith("fault"):
+            continue  # no axis leads it: what is asked of it may be a fault
         told = (word[max(at - 1, 0) : at + 2] & 0x0F != 0x0F).any()
         found.append((when, "" if told else f"it goes to {entry.data.get('to')} with controlword 000Fh"))
     return Judged.of_list(found) if found else None

@@ -407,7 +407,12 @@ def _homed(axis: AxisView) -> Judged | None:
         for entry in events.of(axis.name, "job.started", "job.active")
         if entry.data.get("instruction") == "MC_Home"
     ]
-    lost = [*begun, *events.of(axis.name, "alarm.raised", "homing.started")]
+    other_play = [
+        entry
+        for entry in events.of(axis.name, "program.write")
+        if ".Backlash." in str(entry.data.get("variable"))
+    ]
+    lost = [*begun, *other_play, *events.of(axis.name, "alarm.raised", "homing.started")]
     other = [
         *events.of(axis.name, "axis.adaption"),
         *events.all("controller.state", "controller.initialised"),
@@ -431,8 +436,9 @@ def _homed(axis: AxisView) -> Judged | None:
 
 HOMED: Final = Rule(
     name="homed bit",
-    says="X5 is set by a homing that has found its place; a homing, a restart or a fault resets it",
-    requirements=("MC-215", "MC-216", "DIA-030"),
+    says="X5 is set by a homing that has found its place; a homing, a restart, a fault or another backlash "
+    "resets it",
+    requirements=("MC-215", "MC-216", "DIA-030", "VAR-152"),
     tolerance="a cycle",
     judge=_homed,
     excused_by=(

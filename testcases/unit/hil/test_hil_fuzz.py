@@ -80,7 +80,7 @@ def test_all_jobs_and_all_faults_of_the_catalogue_are_in_reach():
     gather()
     assert set(JOB_NAMES) | set(fault_kinds(SAMPLE)) == reached
     with load_bench("reference").build(seed=1) as bench:
-        assert set(job_names(bench.axis())) == set(OWN_JOBS)
+        assert set(OWN_JOBS) < set(job_names(bench.axis()))
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,17 @@ from hil.expect._nc_rules import NC_RULES, check_nc_axes
 from hil.record import Trace, TraceGroup
 from reports.model import Verdict
 
-COLUMNS = ("set_velocity", "output", "error_code", "state_dword", "op_mode_dword")
+COLUMNS = (
+    "set_velocity",
+    "output",
+    "error_code",
+    "state_dword",
+    "op_mode_dword",
+    "set_position",
+    "set_acceleration",
+    "actual_position",
+    "following_error",
+)
 TIMES = np.arange(10, dtype=np.int64) * 2_000_000
 
 
@@ -20,13 +30,17 @@ def trace(**changed):
         "set_velocity": 50.0 * moving,
         "output": 0.1 * moving,
         "error_code": 0x4550 * error,
-        "state_dword": (1 - error) + 4 * (1 - moving) + 512 * moving + (error.astype(np.int64) << 31),
+        "state_dword": (1 - error) + 4 * (1 - moving) + (512 + 256) * moving + (error.astype(np.int64) << 31),
         "op_mode_dword": np.arange(250, 260) % 256 << 24,
+        "set_position": np.array([0.0, 0.0, 0.05, 0.15, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25]),
+        "set_acceleration": 25_000.0 * (np.arange(10) == 2),
+        "actual_position": np.array([0.0, -0.01, -0.01, 0.05, 0.15, 0.25, 0.25, 0.25, 0.25, 0.25]),
+        "following_error": np.array([0.0, 0.01, 0.06, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0]),
     }
     columns |= changed
     values = np.column_stack([columns[name] for name in COLUMNS]).astype(float)
     group = TraceGroup("x", tuple((name, "") for name in COLUMNS), {}, TIMES, values)
-    return Trace([group], events=(), constants={}, end_ns=int(TIMES[-1]), vocabulary=None)
+    return Trace([group], events=(), constants={"x.cycle_s": 0.002}, end_ns=int(TIMES[-1]), vocabulary=None)
 
 
 def verdicts(found):
@@ -59,6 +73,10 @@ def test_a_sound_run_breaks_no_rule():
         (at(3, -50.0, "set_velocity"), "direction of motion"),
         (at(1, 3.0, "set_velocity"), "NotMoving"),
         (at(4, 0, "op_mode_dword"), "cycle counter"),
+        (at(3, -0.1, "following_error"), "position lag"),
+        (at(3, 0.17, "set_position"), "set position"),
+        (at(3, 0.05, "set_position"), "set position"),
+        (at(2, 0.0, "set_acceleration"), "set velocity"),
     ],
 )
 def test_what_breaks_a_rule(changed, broken):

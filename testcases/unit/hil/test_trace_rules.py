@@ -45,6 +45,7 @@ def _drive_around(bench: Bench) -> Trace:
     stop = axis.stop(0)
     bench.wait_until(stop.done, timeout=2.0)
     stop.set(Execute=False)
+    bench.network().sdo(bench.config.drive["drive1"].node_id).upload(0x6041)
     bench.run_for(0.1)
     axis.move_velocity(90.0)
     bench.run_for(0.3)
@@ -205,6 +206,7 @@ EDITS: Final[Mapping[str, _Edit]] = {
     "reset of faults": _Edit("drive1.controlword", _bits(clear=1 << 7)),
     "faults of the drive": _Edit(event=_without_faults),
     "end of operation": _Edit(event=_without_faults),
+    "objects of the drive": _Edit("drive1.statusword", _bits(flip=1 << 9)),
 }
 
 
