@@ -90,8 +90,10 @@ def replacements(function: ast.FunctionDef, lines: list[str]) -> Iterator[Replac
             if change.operator != "assignment" or function.name != "__init__":
                 yield change
     returns = any(isinstance(node, ast.Return) and node.value is not None for node in ast.walk(function))
-    if len(body) > 1 and not returns and not _is_generator(function):
-        last = body[-1]
+    # Behind a last text, the description of an attribute, there is nothing that could be left out.
+    acting = [one for one in body if not (isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant))]
+    if len(acting) > 1 and not returns and not _is_generator(function):
+        last = acting[-1]
         start = source.start(last)
         indent = " " * start[1]
         yield Replacement("return", start, start, f"return\n{indent}", last.lineno)

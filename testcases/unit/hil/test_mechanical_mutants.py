@@ -69,6 +69,23 @@ def test_operators_change_what_a_machine_does_and_nothing_else():
     assert ast.dump(ast.parse(SOURCE)) not in programs
 
 
+def test_a_function_ends_before_its_last_statement_not_before_a_text():
+    """Behind a description of an attribute there is nothing to leave out; one statement alone stays."""
+    source = textwrap.dedent("""\
+        def start(self):
+            self.clear()
+            self.begin()
+            "What has begun."
+    """)
+    (function,) = ast.parse(source).body
+    ended = [one for one in replacements(function, source.splitlines()) if one.operator == "return"]
+    assert [mutated(source, one) for one in ended] == [
+        source.replace("self.begin()", "return\n    self.begin()")
+    ]
+    (short,) = ast.parse(source.replace("    self.clear()\n", "")).body
+    assert "return" not in {one.operator for one in replacements(short, source.splitlines())}
+
+
 def test_places_are_found_behind_wide_characters():
     """Columns count characters, not bytes."""
     source = textwrap.dedent("""\
