@@ -74,9 +74,7 @@ SHIPPED: Final = (
     ShippedCampaign("device_again", seeding=("own",)),
     ShippedCampaign("machine_law", seeding=("own",)),
     ShippedCampaign("canopen_master", seeding=("own",)),
-    ShippedCampaign(
-        "fault_ends", seeding=("own", f"{PACKAGE}.fault_ends:GUARDED", "analog", "stepper", "profidrive_rtu")
-    ),
+    ShippedCampaign("fault_ends", seeding=("own", f"{PACKAGE}.fault_ends:GUARDED", "analog", "stepper")),
     ShippedCampaign("eds_files", seeding=("own",)),
     ShippedCampaign("time_and_logs", seeding=("own",)),
     ShippedCampaign("can_bus", seeding=("own",)),
