@@ -73,6 +73,7 @@ VARIABLES: Final = (
     "Sensor[1].ActualVelocityMode",
     "Sensor[1].Backlash.Enable",
     "Sensor[1].Backlash.Size",
+    "Sensor[1].DataAdaption",
     "Sensor[1].InverseDirection",
     "Sensor[1].MountingMode",
     "Sensor[1].Parameter.FineResolutionXist1",

@@ -336,7 +336,9 @@ def _own_encoder(axis: AxisView) -> Judged | None:
         return None
     encoder = int(axis.whole.numbers[f"{axis.name}.encoder_of_drive"])
     counts = drive.data["position" if drive.number("cia402") is not None else f"actual.G{encoder}_XIST1"]
-    if counts is None or _other_encoder(axis) or not axis.off("Sensor[1].Backlash.Enable"):
+    # With adaption the numbers come from the drive, and the trace does not have them.
+    options = ("Sensor[1].Backlash.Enable", "Sensor[1].DataAdaption")
+    if counts is None or _other_encoder(axis) or not all(map(axis.off, options)):
         return None
     count, known = drive.data.when_whole(counts).latest(axis.time_s)
     step = (differences(count) + 2.0**31) % 2.0**32 - 2.0**31
@@ -362,7 +364,7 @@ OWN_ENCODER: Final = Rule(
     requirements=("C402-198", "LIM-098"),
     tolerance="none but rounding: what is sent until the cycle counts in it",
     judge=_own_encoder,
-    excused_by=("controller.", "encoder.", "telegram."),
+    excused_by=("controller.", "encoder.", "telegram.", "frame."),
     recovery_cycles=4,
 )
 
