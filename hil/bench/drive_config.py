@@ -727,6 +727,11 @@ class _ProfidriveTable(_PoweredServoTable, frozen=True):
         """Torque of a setpoint of 100 %, Nm."""
         return self.profidrive.reference_torque_nm
 
+    @property
+    def torque_limit_nm(self) -> float:
+        """p1520 and -p1521 of the emulated drive, Nm; MOMRED takes a share of them away (PD-037)."""
+        return _PEAK_TORQUE * self.rated_torque_nm
+
     def counts_life(self, *, live: bool) -> bool:  # noqa: ARG002 - of a drive on Modbus
         """Return whether drive and controller watch each other's sign of life.
 
@@ -771,7 +776,6 @@ class _ProfidriveTable(_PoweredServoTable, frozen=True):
         from emulators.drive.profidrive.config import finest_xist2
 
         own = self.profidrive
-        limit = _PEAK_TORQUE * self.rated_torque_nm
         parts = self.powered_parts()
         if self.positioner is not None:
             parts["positioner"] = self.positioner
@@ -792,7 +796,7 @@ class _ProfidriveTable(_PoweredServoTable, frozen=True):
                 ramp_up_s=own.ramp_up_s,
                 ramp_down_s=self.off1_ramp_s,
                 quick_stop_s=self.off3_ramp_s,
-                torque_limits_Nm=(limit, limit),
+                torque_limits_Nm=(self.torque_limit_nm, self.torque_limit_nm),
                 sign_of_life_tolerance=own.sign_of_life_tolerance,
                 setpoint_monitoring_ms=own.setpoint_monitoring_ms,
             ),

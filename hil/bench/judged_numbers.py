@@ -116,6 +116,9 @@ def numbers_of_drive(section: DriveTable, bench: BenchTable) -> dict[str, float]
             "brake_closing_s": section.brake.closing_time_ms / 1000.0,
             "velocity_time_constant_s": section.velocity_time_constant_ms / 1000.0,
         }
+    if isinstance(section, ProfidriveCanTable | ProfidriveModbusTable):
+        # MOMRED scales the drive's own limits: with others than the reference torque the axis is not exact.
+        numbers["momred_gain"] = section.torque_limit_nm / section.reference_torque_nm
     if isinstance(section, Cia402DriveTable | ProfidriveCanTable):
         numbers |= {
             f"node.{section.segment}": section.node_id,

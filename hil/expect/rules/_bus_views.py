@@ -19,7 +19,9 @@ _LONGEST_BITS: Final = 160
 _SLOWEST: Final = 125_000
 """Bit rate where the trace does not tell it, bit/s."""
 _ACTS_S: Final = 1.5e-3
-"""Time of a node to act on a frame, and frames that wait in front of its own."""
+"""Time of an emulated node to act on a frame, and frames that wait in front of its own."""
+_ACTS_REALLY_S: Final = 0.1
+"""The same of any device: CiA 301 gives no time, and many handle NMT commands beside their control."""
 
 
 class Sent(NamedTuple):
@@ -65,7 +67,12 @@ class BusView:
     @cached_property
     def settle_s(self) -> float:
         """Within so long a node has followed a command, s."""
-        return _ACTS_S + 6 * self.frame_s
+        return (_ACTS_REALLY_S if self.real else _ACTS_S) + 6 * self.frame_s
+
+    @cached_property
+    def real(self) -> bool:
+        """Whether somebody else's devices may be on it: in a log, and on a live bench."""
+        return self.whole.trace.from_log or bool(self.whole.numbers.get("bench.live"))
 
     @cached_property
     def excuses(self) -> Excuses:

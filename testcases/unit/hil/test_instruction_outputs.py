@@ -9,7 +9,8 @@ import pytest
 from testcases.campaigns._instruction_outputs import Call, violation
 
 EDGE = SimpleNamespace(inputs=("Execute",))
-LEVEL = SimpleNamespace(inputs=("Enable",))
+LEVEL = SimpleNamespace(inputs=("Enable",), CommandAborted=False)
+JOG = SimpleNamespace(inputs=("JogForward",))
 
 
 def calls(text):
@@ -74,3 +75,4 @@ def test_an_enable_job(subtests):
         with subtests.test(words):
             found = violation(LEVEL, calls(words))
             assert (found and found[0]) == identifier
+    assert violation(JOG, calls("EB E")) is None, "Busy of MC_MoveJog falls when another job takes over"
