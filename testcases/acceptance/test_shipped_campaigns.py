@@ -184,15 +184,15 @@ def cases(bench, profile, campaigns, *, sampled=False):
 
 
 def few(bench, campaigns):
-    """Yield every fourth case of the samples of campaigns whose bench has several axes."""
+    """Yield every eighth case of the samples of campaigns."""
     for campaign in campaigns:
-        yield from list(cases(bench, "cia402", [campaign], sampled=True))[:: None if WHOLE else 4]
+        yield from list(cases(bench, "cia402", [campaign], sampled=True))[:: None if WHOLE else 8]
 
 
 def some(bench, profile, campaigns):
-    """Yield every eighth case of campaigns whose cases each have many checks."""
+    """Yield every twelfth case of campaigns whose cases each have many checks."""
     for campaign in campaigns:
-        yield from list(cases(bench, profile, [campaign]))[:: None if WHOLE else 8]
+        yield from list(cases(bench, profile, [campaign]))[:: None if WHOLE else 12]
 
 
 @cache
@@ -257,7 +257,7 @@ def bench_file(name):
         *few("reference", [axis_values.CAMPAIGN, homing_anywhere.CAMPAIGN]),
         *few("testcases.campaigns.axis_services:ABSOLUTE", [axis_services.OF_CARDS]),
         *few("reference", [job_dynamics.CAMPAIGN]),
-        *list(few("reference", [instructions.CAMPAIGN]))[:: 1 if WHOLE else 3],
+        *list(few("reference", [instructions.CAMPAIGN]))[:: 1 if WHOLE else 2],
         *few("testcases.campaigns.instruction_makes:S7_1200_G2", [instruction_makes.OF_G2]),
         *few("speed", [instruction_makes.SPEED_AXIS]),
         *few("testcases.campaigns.axis_options:PROBES", [axis_options.MEASURING]),

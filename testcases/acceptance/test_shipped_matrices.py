@@ -18,7 +18,7 @@ from reports.model import Verdict
 
 FOLDER = Path(__file__).parents[1] / "campaigns"
 PROFILE = {"reference": "cia402", "fast": "cia402", "synchronous": "cia402"}
-STEP = {"stops_of_jobs": 14, "stops_on_stops": 17}
+STEP = {"stops_of_jobs": 29, "stops_on_stops": 31}
 """A prime number against every size of a factor would be best; these keep the sample small and mixed."""
 
 
@@ -30,7 +30,7 @@ def matrix(name):
 def sample():
     """Yield every n-th case of the matrices; all but the first of each are exhaustive."""
     for path in sorted(FOLDER.glob("*.toml")):
-        for number, case in enumerate(matrix(path.stem).cases[3 :: STEP.get(path.stem, 47)]):
+        for number, case in enumerate(matrix(path.stem).cases[3 :: STEP.get(path.stem, 83)]):
             profile = PROFILE.get(case.bench, "profidrive")
             marks = [pytest.mark.requirement(*requirements_here(case.requirements, [profile]))]
             if number:
