@@ -149,9 +149,4 @@ class Task(Generic[A, E]):
         self.cycle_objects()
         if self.cycles % self.program_cycles == 0:
             self.run_program()
-        for record in self.records:
-            record()
-        if self.after_cycle:
-            self.scheduler.catch_up()
-            for callback in tuple(self.after_cycle):
-                callback()
+        self.end_cycle()
