@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from typing import Any, Final
 
 import canopen
 
+from fieldbus.canopen.dictionary import INTEGERS
 from hil.campaign import CaseContext
 from hil.errors import BlockedError
 from testcases.campaigns._led_servo import Node
@@ -17,22 +18,7 @@ Place = tuple[int, int]
 Readout = dict[Place, bytes | int]
 """Content, or abort code, of every entry of a dictionary."""
 
-_WIDTHS: Final[Mapping[int, tuple[int, bool]]] = {
-    0x01: (1, False),
-    0x02: (8, True),
-    0x03: (16, True),
-    0x04: (32, True),
-    0x05: (8, False),
-    0x06: (16, False),
-    0x07: (32, False),
-    0x10: (24, True),
-    0x15: (64, True),
-    0x16: (24, False),
-    0x1B: (64, False),
-}
-"""Bits and sign of the whole numbers of CiA 301, section 7.4.7, by data type."""
 _REAL32: Final = 0x08
-_TEXT: Final = 0x09
 _PROFILE: Final = 0x1000
 _READ_ONLY: Final = ("ro", "const")
 _TOLD: Final = 6
@@ -52,7 +38,7 @@ class Item:
         self.place: Place = variable.index, variable.subindex
         self.text = f"{variable.index:04X}h:{variable.subindex}"
         self.access = str(variable.access_type)
-        width = _WIDTHS.get(variable.data_type)
+        width = INTEGERS.get(variable.data_type)
         self.bits, self.signed = width or (32 if variable.data_type == _REAL32 else 0, False)
         self.whole = width is not None
         given = str(getattr(variable, "default_raw", "") or "").replace(" ", "").upper()

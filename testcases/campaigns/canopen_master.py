@@ -322,7 +322,7 @@ class TableDevice:
         self.port.send(CanFrame(base + NODE, data))
 
     def boot_up(self) -> None:
-        """Start anew."""
+        """Restart."""
         self.state, self.toggle = 127, 0
         self.say(0x700, b"\0")
 
@@ -624,7 +624,7 @@ def watched(ctx: CaseContext, how: str) -> None:
         rig.is_so("state behind the return", node.boot_state, GOOD)
     device.boot_up()
     rig.run_ms(5)
-    rig.is_so("a boot-up in service begins the boot anew", node.boot_state is GOOD, False, "C301-022")
+    rig.is_so("a boot-up in service begins the boot again", node.boot_state is GOOD, False, "C301-022")
     if not beats:
         device.stuck_toggle = True
         for _ in range(30):
@@ -671,7 +671,7 @@ def held(ctx: CaseContext) -> None:
     rig.is_so("state behind STOP of all", node.boot_state, BootState.HELD)
     device.boot_up()
     _go_on(rig, device, 400)
-    rig.is_so("a node that is held and starts anew", node.bootups, 2, "C301-022")
+    rig.is_so("a node that is held and restarts", node.bootups, 2, "C301-022")
     device.say(0x80, bytes((0x10, 0x23, 3, 1, 2, 3, 4, 5)))
     device.say(0x80, bytes(7))
     rig.run_ms(5)

@@ -23,15 +23,17 @@ from testcases.campaigns._twice import Span, back, compare, enable, once, settle
 from testcases.campaigns.own_axis import Own, own
 from testcases.campaigns.support import drive_name, equal
 
-EQUIPPED: Final = BenchFile(
-    "equipped axis",
-    load_bench("reference").text
-    + """
+_BRAKE: Final = """
 [drive.drive1.brake]
 torque_nm = 6.0
 opening_time_ms = 24.0
 closing_time_ms = 36.0
-
+"""
+EQUIPPED: Final = BenchFile(
+    "equipped axis",
+    load_bench("reference").text
+    + _BRAKE
+    + """
 [drive.drive1.safety]
 interlock = "quick_stop"
 ss1_time_ms = 300.0
@@ -41,12 +43,8 @@ ss1_time_ms = 300.0
 GUARDED: Final = BenchFile(
     "guarded axis",
     load_bench("profidrive").text
+    + _BRAKE
     + """
-[drive.drive1.brake]
-torque_nm = 6.0
-opening_time_ms = 24.0
-closing_time_ms = 36.0
-
 [drive.drive1.safety]
 ss1_time_ms = 300.0
 ss2_time_ms = 350.0

@@ -58,7 +58,7 @@ def events(ctx: CaseContext) -> None:
         grid = range(first, end + 1, period)
         wanted += [(due, 0, 10_000 + place, number) for place, due in enumerate(grid)]
     scheduler.run_for(1000)
-    # Events of one instant and priority: single ones were entered first, periodic ones anew at every beat.
+    # Events of one instant and priority: single ones were entered first, periodic ones with every period.
     singles = [(when, number) for when, number in fired if number < 1000]
     _same(
         ctx,

@@ -16,6 +16,7 @@ from hil.expect.rules._bus_views import (
     STOPPED,
     BusView,
     Sent,
+    Setting,
     State,
     between,
 )
@@ -197,38 +198,6 @@ BOOT_UP: Final = Rule(
 )
 
 
-class Setting(NamedTuple):
-    """A value that a node was given by SDO: from when to when it holds."""
-
-    begin_s: float
-    end_s: float
-    value: int
-
-
-def settings(bus: BusView, node: int, index: int, sub: int) -> list[Setting]:
-    """Return what expedited downloads have written to an object and the node has taken, each until the next
-    one, or until the node starts anew.
-    """
-    mux = index.to_bytes(2, "little") + bytes((sub,))
-    answers = bus.sent(0x580 + node)
-    starts = [one.begin_s for one in bus.states(node) if one.state == STARTING or not one.commanded]
-    found: list[Setting] = []
-    for when, data in bus.sent(0x600 + node):
-        if len(data) != 8 or data[0] >> 5 != 1 or not data[0] & 2 or data[1:4] != mux:
-            continue
-        at = bisect_right(answers, when, key=lambda one: one.time_s)
-        if at == len(answers) or answers[at].data[:1] != b"\x60" or answers[at].data[1:4] != mux:
-            continue
-        taken_s = answers[at].time_s
-        over = bisect_left(starts, taken_s)
-        end_s = starts[over] if over < len(starts) else bus.end_s
-        size = 4 - (data[0] >> 2 & 3) if data[0] & 1 else 4
-        if found and found[-1].end_s > when:
-            found[-1] = found[-1]._replace(end_s=when)
-        found.append(Setting(taken_s, end_s, int.from_bytes(data[4 : 4 + size], "little")))
-    return found
-
-
 def _wrong_periods(bus: BusView, frames: list[Sent], period_s: float, who: str) -> Found:
     """Return the distances of frames that are to come in a period."""
     most = max(6 * bus.frame_s, 0.02 * period_s if bus.whole.trace.from_log else 0.0)
@@ -250,7 +219,7 @@ def _heartbeats(bus: BusView) -> Judged | None:
         if not bus.alone(node, 0x700 + node):
             continue
         beats = [one for one in bus.sent(0x700 + node) if one.data != b"\0"]
-        for begin_s, end_s, value in settings(bus, node, 0x1017, 0):
+        for begin_s, end_s, value in bus.settings(node, 0x1017, 0):
             some = between(beats, begin_s, end_s)
             if value == 0:
                 # Guarding answers are asked for.
@@ -283,13 +252,13 @@ def _consumers(bus: BusView) -> Judged | None:
     found: Found = []
     for node in bus.nodes:
         emcys = [one for one in bus.sent(0x80 + node) if one.data[:2] == b"\x30\x81"]
-        guarded = bool(settings(bus, node, 0x100C, 0))
+        guarded = bool(bus.settings(node, 0x100C, 0))
         states = bus.states(node)
         due: list[tuple[float, bool]] = []
         sure = True
         watching = False
         for sub in range(1, 9):
-            for begin_s, end_s, value in settings(bus, node, 0x1016, sub):
+            for begin_s, end_s, value in bus.settings(node, 0x1016, sub):
                 other, time_s = value >> 16 & 0x7F, (value & 0xFFFF) * 1e-3
                 if not other or not time_s:
                     continue
@@ -308,7 +277,7 @@ def _consumers(bus: BusView) -> Judged | None:
             state = bus.state_at(states, when)
             near = [one for one in emcys if abs(one.time_s - when) < bus.settle_s]
             if sure_of_it and not lost and state is not None and state.state in (OPERATIONAL, PREPARED):
-                wrong = not near and not settings(bus, node, 0x1014, 0)
+                wrong = not near and not bus.settings(node, 0x1014, 0)
                 found.append(
                     (when, f"node {node} does not tell a missing heartbeat (8130h)" if wrong else "")
                 )
@@ -427,14 +396,14 @@ def _tpdos(bus: BusView) -> Judged | None:
     syncs = [one.time_s for one in bus.sent(0x80)]
     for node in bus.nodes:
         for number in range(4):
-            can_ids = settings(bus, node, 0x1800 + number, 1)
+            can_ids = bus.settings(node, 0x1800 + number, 1)
             if not can_ids:
                 continue
-            kinds, counts = settings(bus, node, 0x1800 + number, 2), settings(bus, node, 0x1A00 + number, 0)
-            entries = [settings(bus, node, 0x1A00 + number, sub) for sub in range(1, 9)]
-            times = settings(bus, node, 0x1800 + number, 5)
-            pauses = settings(bus, node, 0x1800 + number, 3)
-            starts = settings(bus, node, 0x1800 + number, 6)
+            kinds, counts = bus.settings(node, 0x1800 + number, 2), bus.settings(node, 0x1A00 + number, 0)
+            entries = [bus.settings(node, 0x1A00 + number, sub) for sub in range(1, 9)]
+            times = bus.settings(node, 0x1800 + number, 5)
+            pauses = bus.settings(node, 0x1800 + number, 3)
+            starts = bus.settings(node, 0x1800 + number, 6)
             for begin_s, state, end_s in _intervals(bus, bus.states(node)):
                 if state.state != OPERATIONAL or not state.commanded:
                     continue

@@ -40,6 +40,14 @@ class State(NamedTuple):
     """By an NMT command; else it has told so itself by its boot-up."""
 
 
+class Setting(NamedTuple):
+    """A value that a node was given by SDO: from when to when it holds."""
+
+    begin_s: float
+    end_s: float
+    value: int
+
+
 class BusView:
     """A CAN bus.
 
@@ -53,6 +61,8 @@ class BusView:
         self.whole = whole
         self.name = name
         self._of: dict[int, list[Sent]] = {}
+        self._states: dict[int, list[State]] = {}
+        self._settings: dict[int, dict[bytes, list[Setting]]] = {}
 
     @cached_property
     def bitrate(self) -> float | None:
@@ -141,6 +151,43 @@ class BusView:
 
     def states(self, node: int) -> list[State]:
         """Return the states of a node as commands and boot-ups have it, by time."""
+        found = self._states.get(node)
+        if found is None:
+            found = self._states[node] = self._find_states(node)
+        return found
+
+    def settings(self, node: int, index: int, sub: int) -> list[Setting]:
+        """Return what expedited downloads have written to an object and the node has taken, each until the
+        next one, or until the node restarts.
+        """
+        found = self._settings.get(node)
+        if found is None:
+            found = self._settings[node] = self._find_settings(node)
+        return found.get(index.to_bytes(2, "little") + bytes((sub,)), [])
+
+    def _find_settings(self, node: int) -> dict[bytes, list[Setting]]:
+        """Return what was written to every object, by index and sub-index as they are on the bus."""
+        answers = self.sent(0x580 + node)
+        starts = [one.begin_s for one in self.states(node) if one.state == STARTING or not one.commanded]
+        written: dict[bytes, list[Setting]] = {}
+        for when, data in self.sent(0x600 + node):
+            if len(data) != 8 or data[0] >> 5 != 1 or not data[0] & 2:
+                continue
+            mux = data[1:4]
+            at = bisect_right(answers, when, key=lambda one: one.time_s)
+            if at == len(answers) or answers[at].data[:1] != b"\x60" or answers[at].data[1:4] != mux:
+                continue
+            taken_s = answers[at].time_s
+            over = bisect_left(starts, taken_s)
+            end_s = starts[over] if over < len(starts) else self.end_s
+            size = 4 - (data[0] >> 2 & 3) if data[0] & 1 else 4
+            found = written.setdefault(mux, [])
+            if found and found[-1].end_s > when:
+                found[-1] = found[-1]._replace(end_s=when)
+            found.append(Setting(taken_s, end_s, int.from_bytes(data[4 : 4 + size], "little")))
+        return written
+
+    def _find_states(self, node: int) -> list[State]:
         found = []
         for when, data in self.sent(0):
             if len(data) == 2 and data[1] in (0, node):
