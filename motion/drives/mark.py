@@ -35,6 +35,8 @@ class MarkSearch:
         self.found = False
         self.failed = False
         """The device has ended the search with an error."""
+        self.confirmed = False
+        """The device says that it searches; False where it never says so."""
         self.value = 0
         """Where the mark was passed, in the increments and the range of `encoder_increments`; once `found`.
         """
@@ -42,7 +44,7 @@ class MarkSearch:
     def start(self) -> None:
         """Look for the next mark that is passed in any direction from now on."""
         self.searching = True
-        self.found = self.failed = False
+        self.found = self.failed = self.confirmed = False
         self._begin()
 
     def cancel(self) -> None:
@@ -118,6 +120,7 @@ class TelegramMarkSearch(MarkSearch):
         self.phase = phase
         self.word = word
         self.busy = phase is not IDLE
+        self.confirmed = phase is SEARCHING
         self._age = 0
 
     def _rest(self) -> None:

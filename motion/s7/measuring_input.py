@@ -260,6 +260,17 @@ class MeasuringInput:
         self._look_for(measurement.edge)
         return job
 
+    def _begin_with_the_other(self, measurement: Measurement, search: MarkSearch) -> None:
+        """Wait for the falling edge in place of the rising one if the device says, once it searches, that the
+        input was active before: a telegram shows its level only from then on (PD-143).
+        """
+        if measurement.mode != BOTH or measurement.edge != _RISES or any(measurement.counts):
+            return
+        if search.confirmed and self._measured.feedback().source.probe_level(self._probe):
+            search.cancel()
+            measurement.edge = _FALLS
+            self._look_for(measurement.edge)
+
     def _look_for(self, edge: int) -> None:
         search = self._measured.feedback().source.probes[self._probe - 1][edge]
         self._search = search
@@ -322,6 +333,7 @@ class MeasuringInput:
             position += feedback.velocity * -self._correction_ms * 1e-3
             self._take(measurement, position, modulo)
             return
+        self._begin_with_the_other(measurement, search)
         if measurement.window is not None and not measurement.cyclic:
             if measurement.permits(feedback.position, modulo):
                 measurement.inside = True

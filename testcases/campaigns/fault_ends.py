@@ -96,8 +96,7 @@ CAMPAIGN: Final = Campaign(
 PARTS: Final = ("drive", "switch", "mechanics", "encoder")
 OF_NODES: Final = (
     *("encoder.preset", "encoder.overflow", "encoder.alarm", "encoder.warning", "encoder.cycle"),
-    *("encoder.clock_drift", "encoder.power_off", "encoder.heartbeat_loss", "encoder.error"),
-    "pto.encoder_error",
+    *("encoder.clock_drift", "encoder.power_off", "encoder.heartbeat_loss"),
 )
 """Faults that are tried at encoders with a node of their own, or in `pulse_module`."""
 """What a fault of a drive may hit."""

@@ -273,14 +273,10 @@ def ends(ctx: CaseContext) -> None:
     equal(ctx, "Status in STOP of the controller", one.var("Status"), 0.0)
 
 
-for _campaign, _starts in (
-    (CAMPAIGN, tuple(_WAYS)),
-    # A telegram shows the level of a probe only while it measures: mode 2 on an active input is left out.
-    (OF_PROFIDRIVE, ("before", "behind")),
-):
+for _campaign in (CAMPAIGN, OF_PROFIDRIVE):
     _campaign.product(
         "edges/{start}",
-        parameters={"start": _starts},
+        parameters={"start": tuple(_WAYS)},
         title="all modes, beginning {start} the workpiece",
         requirements=("CFG-200",),
     )(edges)

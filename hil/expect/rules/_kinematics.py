@@ -145,6 +145,10 @@ SETPOINT_VELOCITY: Final = Rule(
 )
 
 
+_SENSOR_FAULT: Final = 5
+"""Bit of `ErrorWord`: an error in the encoder system."""
+
+
 def _valid_feedback(axis: AxisView) -> np.ndarray:
     """Return the samples whose actual position goes on from the one before."""
     valid = axis["communication_ok"] != 0 if axis.has("communication_ok") else np.ones(len(axis.time_s), bool)
@@ -152,6 +156,10 @@ def _valid_feedback(axis: AxisView) -> np.ndarray:
     moved = events.of(axis.name, "axis.homed", "axis.sensor", "axis.restart")
     moved += events.of(axis.drive_name, "link.up", "link.down")
     moved += events.all("controller.state")
+    if axis.has("error_word"):
+        # While the encoder is not valid the last values stay; with its first valid one the position leaps
+        # (VAR-075, VAR-107).
+        valid &= ~spread(axis.bit(_SENSOR_FAULT, "error_word"), 1, 2)
     valid &= ~spread(axis.in_states("restarting"), 1, 2)
     return valid & ~axis.near(moved, 1, 2) & ~axis.gaps
 
@@ -192,8 +200,8 @@ ACTUAL_VELOCITY: Final = Rule(
     name="actual velocity",
     says="the actual velocity is the difference of two actual positions by the cycle",
     requirements=("CFG-335",),
-    tolerance="none but rounding; without the velocity of the telegram, compensation of backlash, and on no "
-    "virtual axis",
+    tolerance="none but rounding; without the velocity of the telegram, compensation of backlash, on no "
+    "virtual axis; not while the encoder has an error (ErrorWord.X5)",
     judge=_actual_velocity,
     excused_by=("encoder.", "telegram.", "controller."),
     recovery_cycles=3,
@@ -362,7 +370,8 @@ OWN_ENCODER: Final = Rule(
     name="actual position",
     says="the actual position moves as the encoder count that its own drive has sent, by the bench file",
     requirements=("C402-198", "LIM-098"),
-    tolerance="none but rounding: what is sent until the cycle counts in it",
+    tolerance="none but rounding: what is sent until the cycle counts in it; not while the encoder has an "
+    "error (ErrorWord.X5)",
     judge=_own_encoder,
     excused_by=("controller.", "encoder.", "telegram.", "frame."),
     recovery_cycles=4,
