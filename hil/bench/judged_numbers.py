@@ -84,6 +84,7 @@ VARIABLES: Final = (
     "Simulation.Mode",
     "StandstillSignal.MinDwellTime",
     "StandstillSignal.VelocityThreshold",
+    "TorquePreControl.Mode",
     "VirtualAxis.Mode",
 )
 """Variables of an axis, in the units of the runtime."""

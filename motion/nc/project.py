@@ -170,8 +170,10 @@ class AxisEntry:
 def simulation(parameters: ParameterSet) -> SimulatedDevice:
     """Return simulation encoder and drive of an axis."""
     numerator, denominator = (parameters.cell(f"enc.scaling_{part}") for part in ("numerator", "denominator"))
+    inverted = parameters.cell("enc.invert_counting_direction")
+    # It shows the set position whatever the direction of counting is (NC-063).
     return SimulatedDevice(
-        scaling=lambda: numerator.value / denominator.value,
+        scaling=lambda: (-1.0 if inverted.value else 1.0) * numerator.value / denominator.value,
         noise_level=parameters.cell("enc.simulation_noise"),
     )
 

@@ -216,6 +216,8 @@ def _following_error(axis: AxisView) -> Judged | None:
     more = axis.number_over_time("FollowingError.AdditionalSetpointDelayTime")
     if not axis.off("Simulation.Mode"):
         return None  # its actual values come from a model of the drive (CFG-161)
+    if not axis.off("VirtualAxis.Mode") and not axis.off("SetpointFilter.DynamicFilter.Mode"):
+        return None  # it has no control that could be behind
     if delay_s is None or more is None or axis.restarted or not len(more) or more.max() != more.min():
         return None
     cycles = (delay_s + float(more[0])) / axis.cycle_s
@@ -386,7 +388,8 @@ def _control_law(axis: AxisView) -> Judged | None:
     columns = ("velocity_setpoint", "control_difference", "speed_output", "status_word", "state", "stw1")
     if not axis.has(*columns) or not axis.has_position or axis.drive is None or axis.restarted:
         return None
-    if not axis.off("PositionControl.EnableDSC") or not axis.off("SetpointFilter.DynamicFilter.Mode"):
+    delaying = ("PositionControl.EnableDSC", "SetpointFilter.DynamicFilter.Mode", "TorquePreControl.Mode")
+    if not all(map(axis.off, delaying)):
         return None
     gain, precontrol = (axis.number_over_time(f"PositionControl.{name}") for name in ("Kv", "Kpc"))
     unit_per_rpm = axis.whole.numbers.get(f"{axis.name}.unit_per_rpm")
@@ -413,8 +416,8 @@ CONTROL_LAW: Final = Rule(
     name="control law",
     says="the speed that is output is Kv times the control difference plus Kpc times the velocity setpoint",
     requirements=("CTL-038", "CTL-039"),
-    tolerance="rounding; not judged at the limit of the speed, with control in the drive or a dynamic "
-    "filter, nor in a cycle with a change of state or job",
+    tolerance="rounding; not judged at the limit of the speed, with control in the drive, a dynamic filter "
+    "or precontrol of the torque, nor in a cycle with a change of state or job",
     judge=_control_law,
     excused_by=("controller.",),
     recovery_cycles=5,

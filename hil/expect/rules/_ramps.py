@@ -115,6 +115,9 @@ def _job_dynamics(axis: AxisView) -> Judged | None:
         own = usable[inside]
         faster = a[inside] * v[inside] > 0.0
         limit = np.where(faster, part.acceleration[inside], part.deceleration[inside])
+        # A reversal may be at zero in a cycle, and speeds up from then on.
+        turning = np.abs(v[inside]) <= 1e-9
+        limit[turning] = np.maximum(part.acceleration[inside], part.deceleration[inside])[turning]
         # The acceleration of the motion before goes on until the jerk has ended it.
         before = np.abs(a[min(part.first, count - 1)])
         steps = np.arange(len(limit)) + 1.0
