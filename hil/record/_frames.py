@@ -73,6 +73,12 @@ class FrameColumns(NamedTuple):
         return length & np.uint8(0xF)
 
     @property
+    def dlc(self) -> NDArray[np.uint8]:
+        """Data length code of each."""
+        length: NDArray[np.uint8] = self.records["length"]
+        return length >> np.uint8(4)
+
+    @property
     def data(self) -> NDArray[np.uint8]:
         """Data, eight bytes each; those behind the length are 0."""
         found: NDArray[np.uint8] = self.records["data"]

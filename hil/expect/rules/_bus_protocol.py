@@ -4,10 +4,14 @@ anybody else's.
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
+from bisect import bisect_right
 from collections.abc import Iterator
 from itertools import islice, pairwise
+from operator import itemgetter
 from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hil.expect.rules._bus_views import (
     OPERATIONAL,
@@ -21,7 +25,8 @@ from hil.expect.rules._bus_views import (
     between,
 )
 from hil.expect.rules._can_length import INTERMISSION_BITS, length_of
-from hil.expect.rules._definition import Judged, Rule
+from hil.expect.rules._definition import Describe, Flags, Judged, Numbers, Rule
+from hil.expect.rules._frames import closely_behind
 from hil.expect.rules._sdo_dialogue import Dialogue
 
 _DISTURBED: Final = (
@@ -41,7 +46,7 @@ Found = list[tuple[float, str]]
 
 
 def _judged(found: Found) -> Judged | None:
-    return Judged.of_list(sorted(found, key=lambda one: one[0])) if found else None
+    return Judged.of_list(sorted(found, key=itemgetter(0))) if found else None
 
 
 # -- SDO -----------------------------------------------------------------------------------------------------
@@ -144,12 +149,13 @@ def _silence(bus: BusView) -> Judged | None:
             for base, what in names.items():
                 if not bus.alone(node, base + node):
                     continue
-                sent = between(bus.sent(base + node), begin, end_s)
                 if state.state == PREPARED and not state.commanded:
                     continue
+                frames = bus.frames(base + node)
                 found.append((begin, ""))
                 found += [
-                    (one.time_s, f"node {node} sends {what} in {_STATES[state.state]}") for one in sent[:3]
+                    (when, f"node {node} sends {what} in {_STATES[state.state]}")
+                    for when in frames.time_s[frames.between(begin, end_s)][:3].tolist()
                 ]
     return _judged(found)
 
@@ -392,8 +398,8 @@ def _value_at(values: list[Setting], begin_s: float, end_s: float) -> int | None
 
 
 def _tpdos(bus: BusView) -> Judged | None:
-    found: Found = []
-    syncs = [one.time_s for one in bus.sent(0x80)]
+    looked = _Looked()
+    syncs = bus.frames(0x80).time_s
     for node in bus.nodes:
         for number in range(4):
             can_ids = bus.settings(node, 0x1800 + number, 1)
@@ -413,94 +419,101 @@ def _tpdos(bus: BusView) -> Judged | None:
                         continue
                     if not bus.alone(node, setting.value & 0x7FF):
                         continue
-                    frames = between(bus.sent(setting.value & 0x7FF), from_s, to_s)
-                    name = f"TPDO{number + 1} of node {node}"
-                    pdo = _Pdo(name, frames, from_s, to_s)
+                    frames = bus.frames(setting.value & 0x7FF)
+                    within = frames.between(from_s, to_s)
+                    pdo = _Pdo(f"TPDO{number + 1} of node {node}", frames.time_s[within], from_s, to_s)
                     count = _value_at(counts, from_s, to_s)
                     parts = [_value_at(one, from_s, to_s) for one in entries[: count or 0]]
                     if count and count <= 8 and None not in parts:
                         size = -(-sum((one or 0) & 0xFF for one in parts) // 8)
-                        found += [
-                            (
-                                one.time_s,
-                                ""
-                                if len(one.data) == size
-                                else f"{name} with {len(one.data)} bytes, {size} are mapped",
-                            )
-                            for one in frames
-                        ]
+                        _mapped(looked, pdo, frames.lengths[within], size)
                     kind = _value_at(kinds, from_s, to_s)
                     if kind is not None and 1 <= kind <= 240:
                         if not starts or _value_at(starts, from_s, to_s) == 0:
-                            found += _cyclic(bus, pdo, syncs, kind)
+                            _cyclic(looked, bus, pdo, syncs, kind)
                     elif kind is not None and kind >= 254:
                         timer, pause = _value_at(times, from_s, to_s), _value_at(pauses, from_s, to_s)
-                        found += _by_event(bus, pdo, (timer or 0) * 1e-3, (pause or 0) * 1e-4)
-    return _judged(found)
+                        _by_event(looked, bus, pdo, (timer or 0) * 1e-3, (pause or 0) * 1e-4)
+    return looked.judged()
+
+
+class _Looked:
+    """Frames that were looked at, most of which are right."""
+
+    def __init__(self) -> None:
+        self._right: list[Numbers] = []
+        self.wrong: Found = []
+
+    def add(self, times: Numbers, wrong: Flags, describe: Describe) -> None:
+        """Add frames: when they ended, which are wrong, and what is wrong with one."""
+        if not wrong.any():
+            self._right.append(times)
+            return
+        self._right.append(times[~wrong])
+        self.wrong += [(float(times[at]), describe(at)) for at in np.flatnonzero(wrong).tolist()]
+
+    def judged(self) -> Judged | None:
+        """Return what was found; None: nothing was looked at."""
+        if not self.wrong and not sum(map(len, self._right)):
+            return None
+        return Judged.of_times(self._right, sorted(self.wrong, key=itemgetter(0)))
 
 
 class _Pdo(NamedTuple):
     """Frames of a transmit PDO while its settings hold and the node is Operational."""
 
     name: str
-    frames: list[Sent]
+    times: Numbers
+    """When they ended, s."""
     begin_s: float
     end_s: float
 
 
-def _cyclic(bus: BusView, pdo: _Pdo, syncs: list[float], kind: int) -> Found:
-    """Return what is wrong with a PDO that comes with every n-th SYNC: not more and not less often."""
-    name, frames, begin_s, end_s = pdo
-    found: Found = []
-    last: int | None = None
-    for one in frames:
-        at = bisect_right(syncs, one.time_s) - 1
-        if at < 0:
-            found.append((one.time_s, f"{name} comes without a SYNC"))
-            continue
-        wrong = last is not None and at - last != kind
-        found.append(
-            (one.time_s, f"{name} comes after {at - (last or 0)} SYNCs, {kind} are set" if wrong else "")
-        )
-        last = at
-    behind = bisect_left(syncs, end_s - bus.settle_s) - 1
-    first = bisect_left(syncs, begin_s)
-    missed = behind - (last if last is not None else first - 1)
+def _mapped(looked: _Looked, pdo: _Pdo, lengths: NDArray[np.uint8], size: int) -> None:
+    """Look at the lengths of a PDO: that of its mapping, bytes."""
+    looked.add(
+        pdo.times, lengths != size, lambda at: f"{pdo.name} with {lengths[at]} bytes, {size} are mapped"
+    )
+
+
+def _cyclic(looked: _Looked, bus: BusView, pdo: _Pdo, syncs: Numbers, kind: int) -> None:
+    """Look at a PDO that comes with every n-th SYNC: not more and not less often."""
+    name, times, begin_s, end_s = pdo
+    last_sync = np.searchsorted(syncs, times, side="right") - 1
+    early = int(np.searchsorted(last_sync, 0))
+    looked.wrong += [(when, f"{name} comes without a SYNC") for when in times[:early].tolist()]
+    since = np.diff(last_sync[early:], prepend=last_sync[early : early + 1] - kind)
+    looked.add(
+        times[early:], since != kind, lambda at: f"{name} comes after {since[at]} SYNCs, {kind} are set"
+    )
+    behind = int(np.searchsorted(syncs, end_s - bus.settle_s)) - 1
+    last = int(last_sync[-1]) if early < len(times) else int(np.searchsorted(syncs, begin_s)) - 1
+    missed = behind - last
     if missed > kind:
-        found.append((syncs[behind], f"{name} does not come with {missed} SYNCs, {kind} are set"))
-    return found
+        looked.wrong.append(
+            (float(syncs[behind]), f"{name} does not come with {missed} SYNCs, {kind} are set")
+        )
 
 
-def _by_event(bus: BusView, pdo: _Pdo, timer_s: float, pause_s: float) -> Found:
-    """Return what is wrong with an event-driven PDO: sooner than its inhibit time, later than its timer."""
-    name, frames, begin_s, end_s = pdo
-    found: Found = []
+def _by_event(looked: _Looked, bus: BusView, pdo: _Pdo, timer_s: float, pause_s: float) -> None:
+    """Look at an event-driven PDO: not sooner than its inhibit time, not later than its timer."""
+    name, times, begin_s, end_s = pdo
     waits_s = 3 * bus.frame_s
-    for one, other in pairwise(frames):
-        gap_s = other.time_s - one.time_s
-        if pause_s and gap_s < pause_s - waits_s:
-            found.append(
-                (
-                    other.time_s,
-                    f"{name} comes after {1000 * gap_s:.2f} ms, its inhibit time is {1000 * pause_s:.1f} ms",
-                )
-            )
-        elif timer_s > pause_s and gap_s > timer_s + waits_s:
-            found.append(
-                (
-                    other.time_s,
-                    f"{name} comes after {1000 * gap_s:.2f} ms, its event timer is {1000 * timer_s:.0f} ms",
-                )
-            )
-        else:
-            found.append((other.time_s, ""))
+    gaps = np.diff(times)
+    soon = gaps < (pause_s - waits_s if pause_s else 0.0)
+    late = gaps > (timer_s + waits_s if timer_s > pause_s else np.inf)
+    pause, timer = f"inhibit time is {1000 * pause_s:.1f}", f"event timer is {1000 * timer_s:.0f}"
+    looked.add(
+        times[1:],
+        soon | late,
+        lambda at: f"{name} comes after {1000 * gaps[at]:.2f} ms, its {pause if soon[at] else timer} ms",
+    )
     if timer_s > pause_s:
-        last_s = frames[-1].time_s if frames else begin_s
+        last_s = float(times[-1]) if len(times) else begin_s
         if end_s - last_s > timer_s + waits_s:
-            found.append(
+            looked.wrong.append(
                 (last_s + timer_s, f"{name} does not come, its event timer is {1000 * timer_s:.0f} ms")
             )
-    return found
 
 
 TPDO: Final = Rule(
@@ -526,21 +539,12 @@ def _lengths(bus: BusView) -> Judged | None:
     if bus.bitrate is None or bus.whole.trace.from_log:
         return None
     found: Found = []
-    known: set[tuple[int, int]] = set()
     bit_ns = 1e9 / bus.bitrate
-    last_ns: int | None = None
-    for end_ns, _, frame, error in islice(bus.whole.trace.can_log(bus.name), _LOOKED_AT):
-        gap = None if last_ns is None else (end_ns - last_ns) / bit_ns
-        last_ns = end_ns
-        key = frame.can_id, frame.dlc
-        if gap is None or error or frame.fd or gap > _FOLLOWS_BITS or key in known:
-            continue
-        known.add(key)
-        least = INTERMISSION_BITS + length_of(frame)
+    some = closely_behind(bus.whole.trace.can_log(bus.name), _FOLLOWS_BITS * bit_ns, _LOOKED_AT)
+    for gap_ns, (end_ns, _, frame, _) in islice(some, _MEASURED):
+        gap, least = gap_ns / bit_ns, INTERMISSION_BITS + length_of(frame)
         text = f"{frame} ends {gap:.1f} bits behind the frame before it, it has {least} with the intermission"
         found.append((end_ns * 1e-9, text if gap < least - 0.5 else ""))
-        if len(known) == _MEASURED:
-            break
     return _judged(found)
 
 

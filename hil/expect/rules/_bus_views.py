@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from hil.expect.rules._definition import Excuses, Numbers
+from hil.expect.rules._frames import Frames
 from hil.expect.rules._views import TraceView
 
 NODES: Final = range(1, 128)
@@ -93,9 +94,13 @@ class BusView:
         """Return the data frames of an identifier."""
         found = self._of.get(can_id)
         if found is None:
-            frames = self.whole.frames.of(self.name, can_id)
-            found = self._of[can_id] = [Sent(*one) for one in frames.each()]
+            made = tuple.__new__  # half of what `Sent` itself takes
+            found = self._of[can_id] = [made(Sent, one) for one in self.frames(can_id).each()]
         return found
+
+    def frames(self, can_id: int) -> Frames:
+        """Return the data frames of an identifier as columns: those of process data are many."""
+        return self.whole.frames.of(self.name, can_id)
 
     @cached_property
     def end_s(self) -> float:
@@ -128,20 +133,14 @@ class BusView:
         answer to SDOs.
         """
         known = self.whole.frames.identifiers(self.name)
-        noted = {
-            int(value) for key, value in self.whole.numbers.items() if key.endswith(f".node.{self.name}")
-        }
-        log = self.whole.trace.from_log
-        return [
-            node
-            for node in NODES
-            if node in noted
-            or (log and 0x580 + node in known)
-            or any(one.data == b"\0" for one in self._alive(node, known))
-        ]
-
-    def _alive(self, node: int, known: frozenset[int]) -> list[Sent]:
-        return self.sent(0x700 + node) if 0x700 + node in known else []
+        tail = f".node.{self.name}"
+        found = {int(value) for key, value in self.whole.numbers.items() if key.endswith(tail)}
+        if self.whole.trace.from_log:
+            found.update(can_id - 0x580 for can_id in known)
+        for can_id in known:
+            if can_id > 0x700 and any(one.data == b"\0" for one in self.sent(can_id)):
+                found.add(can_id - 0x700)
+        return [node for node in NODES if node in found]
 
     def alone(self, node: int, can_id: int) -> bool:
         """Return whether an identifier is that of a node alone: nobody else has sent with it."""

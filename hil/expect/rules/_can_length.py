@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Final
 
 from fieldbus.can.frame import CanFrame
@@ -23,6 +24,7 @@ def stuffed(text: str) -> str:
     return wire
 
 
+@lru_cache(maxsize=1024)
 def length_of(frame: CanFrame) -> int:
     """Return the bits of a frame from SOF to EOF (CANP-001 to CANP-017)."""
     if frame.extended:

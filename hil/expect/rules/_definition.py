@@ -37,8 +37,23 @@ class Judged(NamedTuple):
         """Return findings one by one: time, and what is wrong or an empty text."""
         times = np.array([when for when, _ in found], dtype=np.float64)
         texts = [text for _, text in found]
-        broken = np.array([text != "" for text in texts], dtype=bool)
+        broken = np.fromiter(map(bool, texts), dtype=bool, count=len(texts))
         return cls(times, np.ones(len(found), dtype=bool), broken, texts.__getitem__)
+
+    @classmethod
+    def of_times(cls, right: Sequence[Numbers], wrong: Sequence[tuple[float, str]]) -> Judged:
+        """Return findings of which most are right.
+
+        Args:
+            right: Times at which nothing is wrong, in one or several pieces.
+            wrong: Time, and what is wrong, by time.
+
+        """
+        texts = [text for _, text in wrong]
+        times = np.concatenate([np.array([when for when, _ in wrong], dtype=np.float64), *right])
+        broken = np.zeros(len(times), dtype=bool)
+        broken[: len(texts)] = True
+        return cls(times, np.ones(len(times), dtype=bool), broken, texts.__getitem__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,11 +123,11 @@ class _Tally:
     def add(self, found: Judged, judged: Flags, broken: Flags) -> None:
         """Count what was found, as far as it counts."""
         self.seen += int(np.count_nonzero(judged))
-        places = np.flatnonzero(broken)
-        if len(places) and not self.broken:
-            first = int(places[0])
+        count = int(np.count_nonzero(broken))
+        if count and not self.broken:
+            first = int(np.argmax(broken))
             self.time_s, self.text = float(found.time_s[first]), found.describe(first)
-        self.broken += len(places)
+        self.broken += count
 
 
 class Findings(Generic[View]):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -16,6 +16,7 @@ from hil.record._spool import Spool
 
 if TYPE_CHECKING:
     from hil.record import Trace
+    from hil.record._frames import Entry
 
 
 class Frames(NamedTuple):
@@ -36,10 +37,15 @@ class Frames(NamedTuple):
 
     def each(self) -> Iterator[tuple[float, bytes]]:
         """Return time in s and bytes of every frame."""
-        end = 0
-        for time_s, length in zip(self.time_s, self.lengths, strict=True):
-            begin, end = end, end + int(length)
-            yield float(time_s), self.data[begin:end].tobytes()
+        data, end = self.data.tobytes(), 0
+        for time_s, length in zip(self.time_s.tolist(), self.lengths.tolist(), strict=True):
+            begin, end = end, end + length
+            yield time_s, data[begin:end]
+
+    def between(self, begin_s: float, end_s: float) -> slice:
+        """Return the numbers of the frames behind one time and before another."""
+        first = int(np.searchsorted(self.time_s, begin_s, side="right"))
+        return slice(first, max(int(np.searchsorted(self.time_s, end_s)), first))
 
 
 _NONE = Frames(np.empty(0), np.empty(0, dtype=np.uint8), np.empty(0, dtype=np.uint8))
@@ -63,6 +69,34 @@ class _Collected:
     def frames(self) -> Frames:
         """Return all of them."""
         return Frames(self._times.view(np.float64), self._lengths.view(np.uint8), self._data.view(np.uint8))
+
+
+def closely_behind(log: Sequence[Entry], within_ns: float, most: int) -> Iterator[tuple[int, Entry]]:
+    """Return, of each identifier and length, the first frame that ends closely behind the one before it, with
+    the time between, ns; none of CAN FD and none with an error.
+
+    Args:
+        log: Frames in the order in which they ended.
+        within_ns: What counts as close, ns.
+        most: Frames at the begin of the log that are looked at.
+
+    """
+    columns = log.columns() if isinstance(log, PackedFrames) and len(log) <= _PART else None
+    if columns is not None:
+        gaps = np.diff(columns.time_ns[:most])
+        at = np.flatnonzero((gaps <= within_ns) & ~columns.wrong[1:most]) + 1
+        _, firsts = np.unique(columns.can_id[at].astype(np.uint64) << 4 | columns.dlc[at], return_index=True)
+        yield from ((int(gaps[one - 1]), log[one]) for one in np.sort(at[firsts]).tolist())
+        return
+    known: set[tuple[int, int]] = set()
+    last_ns = -(1 << 62)
+    for entry in islice(log, most):
+        end_ns, _, frame, error = entry
+        gap_ns, last_ns = end_ns - last_ns, end_ns
+        if gap_ns > within_ns or error or frame.fd or (frame.can_id, frame.dlc) in known:
+            continue
+        known.add((frame.can_id, frame.dlc))
+        yield gap_ns, entry
 
 
 class BusFrames:
@@ -129,14 +163,17 @@ class BusFrames:
         order = np.argsort(can_id, kind="stable")
         at, can_id = at[order], can_id[order]
         firsts = np.flatnonzero(np.diff(can_id, prepend=-1))
-        lengths, data, origins = columns.lengths, columns.data, columns.records["origin"]
+        origins, records = columns.records["origin"][at].tolist(), columns.data[at]
+        times, lengths = time_s[at], columns.lengths[at]
         found: dict[int, Frames] = {}
         for first, last in zip(firsts, [*firsts[1:], len(at)], strict=True):
-            some = at[first:last]
-            size = lengths[some]
+            size = lengths[first:last]
+            most = int(size.max())
+            data = records[first:last, :most]
+            whole = data.ravel() if int(size.min()) == most else data[np.arange(most) < size[:, None]]
             one = int(can_id[first])
-            found[one] = Frames(time_s[some], size, data[some][np.arange(data.shape[1]) < size[:, None]])
-            senders[one] = {columns.kinds[origin][0] for origin in np.unique(origins[some])}
+            found[one] = Frames(times[first:last], size, whole)
+            senders[one] = {columns.kinds[origin][0] for origin in set(origins[first:last])}
         return found
 
     def behind_errors(self, bus: str, times: NDArray[np.float64], span_s: float) -> NDArray[np.bool_] | None:
