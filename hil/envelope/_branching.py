@@ -218,12 +218,12 @@ class Branching:
         with self._bench_file.build(seed=self._seed) as bench:
             self._before(bench)
             drives = drives_of(bench)
+            carrier = Carrier(bench.recorder, bench.vocabulary)
 
             def judge(job: Job, problem: str, recording: CarriedRecording) -> Row:
-                return self._row(recording.trace(), drives, job, course, problem)
+                return self._row(carrier.trace(recording), drives, job, course, problem)
 
             copies = Copies(processes, judge, on_row)
-            carrier = Carrier(bench.recorder)
             at = 0
 
             def branch() -> None:
@@ -275,7 +275,7 @@ class Branching:
         """Apply the stimulus in the copy, and let the copy end after its time."""
         assert copies.child is not None
         bench.recorder.hold()
-        copies.child.recording = lambda: carrier.recording(bench.scheduler.now, bench.vocabulary)
+        copies.child.recording = lambda: carrier.recording(bench.scheduler.now)
         try:
             self._disturb(bench, job)
         except HilError as error:

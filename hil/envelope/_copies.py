@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import gc
 import json
 import os
 import pickle
 import selectors
 import signal
+import struct
 import warnings
 from collections.abc import Callable
 from multiprocessing import Pipe
@@ -47,6 +49,8 @@ WALL_LIMIT_S: Final = 60
 """Time that a copy, or judging it, may take by the wall clock, s."""
 _PIPE_BYTES: Final = 1024 * 1024
 """A copy that can write all of its recording at once does not wait for its reader."""
+_JOB: Final = struct.Struct("<qq")
+"""In front of a recording on its way to a judge."""
 
 Ending = Callable[[str], tuple[str, "CarriedRecording"]]
 """Takes why a copy came to no end (empty: it did); returns it again with the recording."""
@@ -67,8 +71,9 @@ class Child:
             answer: object = (problem, self.recording())
         except Exception as error:  # noqa: BLE001 - a row of the result, too
             answer = f"{type(error).__name__}: {error}"
-        with os.fdopen(self._pipe, "wb") as out:
-            pickle.dump(answer, out, protocol=pickle.HIGHEST_PROTOCOL)
+        left = memoryview(pickle.dumps(answer, protocol=pickle.HIGHEST_PROTOCOL))
+        while left:
+            left = left[os.write(self._pipe, left) :]
         os._exit(0)
 
 
@@ -87,11 +92,12 @@ class Copies:
         self._judge = judge
         self._on_row = on_row
         self._running: dict[int, tuple[int, Job, bytearray]] = {}
-        """Process, job and what it has sent so far, by the pipe."""
+        """Process, job, and the job with what has come so far, by the pipe."""
         self._judging: dict[int, tuple[_JudgeProcess, Job]] = {}
         """By the connection."""
         self._idle: list[_JudgeProcess] = []
         self._selector = selectors.DefaultSelector()
+        self._buffer = bytearray(_PIPE_BYTES)
         self.child: Child | None = None
         """This process as a copy; None in the first process."""
 
@@ -105,12 +111,13 @@ class Copies:
         process = _forked()
         if process == 0:
             signal.alarm(WALL_LIMIT_S)
+            gc.disable()  # nearly all that it makes is in use until it ends
             os.close(ours)
             self._close()
             self.child = Child(theirs)
             return True
         os.close(theirs)
-        self._running[ours] = (process, job, bytearray())
+        self._running[ours] = (process, job, bytearray(_JOB.pack(*job)))
         self._selector.register(ours, selectors.EVENT_READ)
         return False
 
@@ -148,22 +155,22 @@ class Copies:
 
     def _hear(self, pipe: int) -> None:
         process, job, content = self._running[pipe]
-        part = os.read(pipe, _PIPE_BYTES)
-        if part:
-            content += part
+        size = os.readv(pipe, [self._buffer])
+        if size:
+            content += memoryview(self._buffer)[:size]
             return
         self._selector.unregister(pipe)
         os.close(pipe)
         del self._running[pipe]
         code = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
-        if code != 0 or not content:
+        if code != 0 or len(content) == _JOB.size:
             self._on_row(failed(job, _how_it_ended("the copy", code)))
             return
         judge = self._idle.pop() if self._idle else self._start_judge()
         self._judging[judge.connection.fileno()] = (judge, job)
         self._selector.register(judge.connection, selectors.EVENT_READ)
         with contextlib.suppress(OSError):  # a judge that has died is noticed when its answer is read
-            judge.connection.send((job, bytes(content)))
+            judge.connection.send_bytes(content)
 
     def _take(self, file: int) -> None:
         judge, job = self._judging.pop(file)
@@ -206,12 +213,13 @@ def _serve(connection: Connection, judge: Judge) -> None:
     """Judge recordings until there are no more."""
     while True:
         try:
-            job, content = connection.recv()
+            content = connection.recv_bytes()
         except (EOFError, OSError):
             return
         signal.alarm(WALL_LIMIT_S)
+        job: Job = _JOB.unpack_from(content)
         try:
-            answer = pickle.loads(content)  # noqa: S301 - of a copy of this process
+            answer = pickle.loads(memoryview(content)[_JOB.size :])  # noqa: S301 - of a copy of this process
             row = failed(job, answer) if isinstance(answer, str) else judge(job, *answer)
         except Exception as error:  # noqa: BLE001 - a row of the result, too
             row = failed(job, f"{type(error).__name__}: {error}")

@@ -105,7 +105,7 @@ def test_trace_is_the_same_after_a_journey(subtests):
     """
     for name, config in BENCHES.items():
         with subtests.test(name), Bench(config(), seed=3) as bench:
-            carrier = Carrier(bench.recorder)
+            carrier = Carrier(bench.recorder, bench.vocabulary)
             axes = [bench.axis(one) for one in bench.axis_names]
             powers = [axis.power() for axis in axes]
             bench.run_for(0.2)
@@ -125,9 +125,8 @@ def test_trace_is_the_same_after_a_journey(subtests):
             jobs = [axis.move_relative(1.0) for axis in axes]
             bench.run_for(0.5)
             assert all(job.Done or job.Error for job in jobs)
-            content = pickle.dumps(carrier.recording(bench.scheduler.now, bench.vocabulary))
-            recording: CarriedRecording = pickle.loads(content)
-            ours, theirs = bench.trace(), recording.trace()
+            recording: CarriedRecording = pickle.loads(pickle.dumps(carrier.recording(bench.scheduler.now)))
+            ours, theirs = bench.trace(), carrier.trace(recording)
             assert theirs.digest() == ours.digest()
             assert first_difference(ours, theirs) is None
             assert list(theirs.iter_frames()) == list(ours.frames)
