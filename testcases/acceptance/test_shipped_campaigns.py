@@ -233,6 +233,7 @@ def bench_file(name):
         *cases("testcases.campaigns.encoders:BENCH", "profidrive", [encoders.CAMPAIGN], sampled=True),
         *cases(f"{SERVICES}:TCP", "profidrive", [modbus_services.CAMPAIGN], sampled=True),
         *cases(f"{SERVICES}:LINE", "profidrive", [modbus_services.ON_A_LINE], sampled=True),
+        *cases(f"{SERVICES}:MAILBOX", "profidrive", [modbus_services.WITH_MAILBOX], sampled=True),
         *cases(SPEED, "profidrive", [profidrive_speed.CAMPAIGN], sampled=True),
         *cases("testcases.campaigns.node_guarding:BENCH", "cia402", [node_guarding.CAMPAIGN], sampled=True),
         *cases(POSITIONER, "profidrive", [profidrive_positioner.CAMPAIGN], sampled=True),

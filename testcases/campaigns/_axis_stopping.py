@@ -40,6 +40,7 @@ MIDDLE_S: Final = 0.04
 WITHOUT_ACKNOWLEDGE: Final = 0x047F
 """Bits of STW1 that are compared while MC_Reset works: all that the object owns but bit 7."""
 NO_OFF2: Final = 0x0002
+NO_OFF3: Final = 0x0004
 ENABLE_OPERATION: Final = 0x0008
 
 STOP_MODES: Final = (0, 1, 2, 3)
@@ -291,6 +292,46 @@ def disabled(ctx: CaseContext, value: int, mode: int) -> None:
             "speed lost in 0.1 s behind the falling edge, rpm", speed - later, low=0.0, high=0.6 * braked
         )
     ctx.measure("MC_Power is off", float(power.off()), low=1.0, high=1.0)
+    stopped_for_good(ctx, ctx.now_s)
+
+
+@CASES.product(
+    "reaction-4-in-stop-mode-1/{value}",
+    parameters={"value": REACTIONS},
+    title="Reaction 4 with RemoveEnableReaction 16#{value} in the middle of StopMode 1",
+    tags=("stop",),
+    requirements=("STP-526",),
+)
+def reaction_in_quick_stop(ctx: CaseContext, value: int) -> None:
+    """OFF2 wins over the quick stop; nothing else weakens it: OFF3 is not given back before the axis stands,
+    and the ramp is what it would have been.
+    """
+    axis, drive = axis_name(ctx), drive_name(ctx)
+    ctx.do(f"MC_WriteParameter 1020 = 16#{value:X}")
+    ctx.wait_until(ctx.axis.write_parameter(1020, value).done, 1.0, "the reaction is written")
+    in_the_middle(ctx, "power-1")
+    speed = ctx.trace()[f"{drive}.motor_speed"].values[-1]
+    since = ctx.now_s
+    ctx.inject("axis.alarm", axis, number=521, reaction=4)
+    ctx.run_for((4.0 if value == 3 else 1.0) + settle_s(ctx))
+    if value == 3:
+        later = ctx.trace()[f"{drive}.motor_speed"].at(since + 0.1)
+        braked = 3000.0 / RAMP_S[5] * 0.1
+        ctx.measure("speed lost in 0.1 s, rpm", speed - later, low=0.0, high=0.6 * braked)
+    else:
+        ctx.expect(
+            never(
+                "OFF3 is given back while the motor turns",
+                lambda word, motor: ((word.astype(int) & NO_OFF3) != 0) & (abs(motor) > 60.0),
+                f"{axis}.stw1",
+                f"{drive}.motor_speed",
+                since=since,
+            ).covers("STP-526")
+        )
+        unchanged = same_ramp(ctx, "power-1")
+        if unchanged is not None:
+            ctx.expect(unchanged.covers("STP-526"))
+    ctx.expect(state_at(axis, ctx.now_s, "ALARM_DISABLED"))
     stopped_for_good(ctx, ctx.now_s)
 
 

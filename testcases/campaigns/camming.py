@@ -16,6 +16,7 @@ from testcases.campaigns._synchronous import (
     bring,
     machine,
 )
+from testcases.campaigns.support import equal
 
 CAMPAIGN: Final = Campaign("camming", tags=("synchronous",), bench=BENCH)
 _PERIOD: Final = 100.0
@@ -91,26 +92,34 @@ def scaled(ctx: CaseContext, master: float, slave: float) -> None:
     ctx.expect(no_alarm())
 
 
-@CAMPAIGN.case("appending", title="A cam that appends its lift", requirements=("CAM-105",))
-def appending(ctx: CaseContext) -> None:
-    """Every run adds the lift of the one before."""
+@CAMPAIGN.product(
+    "appending/{slave}",
+    parameters={"slave": (1.0, -0.5)},
+    title="A cam that appends its lift, scaled by {slave}",
+    requirements=("CAM-105", "CAM-108"),
+)
+def appending(ctx: CaseContext, slave: float) -> None:
+    """Every run adds the lift of the one before, scaled as the function; backwards it is taken away again."""
     here = machine(ctx)
-    _cam_in(ctx, here, "step", ApplicationMode=2, MasterSyncPosition=80.0)
-    start = here.position(here.follower)
-    ctx.run_for(2.3)
-    runs = (here.position(here.leader)) // _PERIOD
-    ctx.measure("runs", runs, low=3.0)
-    ctx.wait_until(lambda: here.position(here.leader) % _PERIOD > 82.0, 2.0, "the cam dwells")
-    ctx.run_for(0.02)
-    runs = here.position(here.leader) // _PERIOD
-    ctx.measure(
-        "position",
-        here.position(here.follower),
-        "mm",
-        low=40.0 * (runs + 1) - _EXACT,
-        high=40.0 * (runs + 1) + _EXACT,
-    )
-    ctx.measure("way", here.position(here.follower) - start, "mm", low=100.0)
+    _cam_in(ctx, here, "step", ApplicationMode=2, MasterSyncPosition=80.0, SlaveScaling=slave)
+    for velocity, run in ((400.0, 2), (-400.0, -1)):
+        here.lead(velocity)
+        ctx.wait_until(
+            lambda run=run: (
+                here.position(here.leader) // _PERIOD == run and here.position(here.leader) % _PERIOD > 82.0
+            ),
+            3.0,
+            f"the cam dwells in run {run}",
+        )
+        ctx.run_for(0.008)
+        equal(
+            ctx,
+            f"position in run {run}, mm",
+            here.position(here.follower),
+            40.0 * slave * (run + 1),
+            "CAM-108",
+            within=_EXACT,
+        )
 
 
 @CAMPAIGN.case("once", title="A cam that is run once")

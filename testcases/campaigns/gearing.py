@@ -20,6 +20,7 @@ from testcases.campaigns._synchronous import (
     BENCH,
     DISTANCE,
     FOLLOWER,
+    FUNCTIONS,
     LAST,
     LEADER,
     SPEED,
@@ -28,6 +29,7 @@ from testcases.campaigns._synchronous import (
     machine,
     stays_in_gear,
 )
+from testcases.campaigns.camming import swing
 
 _TURN: Final = 100.0
 """Modulo range of the follower where it has one, mm."""
@@ -331,6 +333,52 @@ def leader_homed(ctx: CaseContext) -> None:
     ctx.measure(
         "step of the follower", step, "mm", low=1.0 - 1e-6, high=1.0 + 1e-6, requirements=("SYN-028",)
     )
+
+
+@CAMPAIGN.product(
+    "follower-homed/{function}",
+    parameters={"function": tuple(FUNCTIONS)},
+    title="MC_Home moves the coordinates of the follower: {function}",
+    requirements=("HOM-139", "HOM-140", "HOM-142"),
+)
+def follower_homed(ctx: CaseContext, function: str) -> None:
+    """The numbers of its positions change and nothing else: no motion, no job ends, and the relation to the
+    leading axis goes on from the new numbers; on the way and at rest.
+    """
+    here = machine(ctx)
+    job = bring(ctx, here, function, "synchronous")
+
+    def synchronous() -> float:
+        """Return what the function makes of the leading position."""
+        x = here.position(here.leader)
+        return swing(x - 50.0) if function == "cam-in" else 0.5 * x
+
+    origin = here.position(here.follower) - synchronous()
+    for mode, place in ((1, 7.0), (1, -31.0), (0, 3.0)):
+        if mode == 0:
+            ctx.wait_until(here.leader.halt().done, 3.0, "the leading axis stands")
+            ctx.run_for(0.3)
+        origin += place - (here.follower.var("ActualPosition") if mode == 0 else 0.0)
+        since = ctx.do(f"MC_Home Mode {mode}, {place:g} mm")
+        ctx.wait_until(here.follower.home(place, mode=mode).done, 1.0, "it is homed")
+        ctx.run_for(0.1)
+        ctx.measure(
+            f"Mode {mode}: off the relation",
+            abs(here.position(here.follower) - synchronous() - origin),
+            "mm",
+            high=0.02 if mode == 0 or function == "gear-in-velocity" else 1e-6,
+            requirements=("HOM-142",),
+        )
+        shown = ctx.trace()[f"{FOLLOWER}.actual_velocity"].between(since, ctx.now_s).values
+        ctx.measure(
+            f"Mode {mode}: change of the velocity of the machine",
+            float(shown.max() - shown.min()),
+            "mm/s",
+            high=100.0,
+            requirements=("HOM-140",),
+        )
+    ctx.measure("the job goes on", float(job.Busy), low=1.0, requirements=("HOM-142",))
+    ctx.expect(no_alarm())
 
 
 @CAMPAIGN.case(

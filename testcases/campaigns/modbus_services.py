@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from struct import pack
 from typing import Any, Final
 
 from fieldbus.modbus import Outcome, Request
@@ -41,6 +42,10 @@ LINE: Final = BenchFile(
     '[bench]\nname = "led drive on a line"\nkind = "virtual"\ncycle_ms = 4\n'
     f'[segment.link0]\nkind = "modbus_rtu"\nbaud = 115_200\n{_DRIVE}',
 )
+MAILBOX: Final = BenchFile(
+    "led drive with a mailbox",
+    TCP.text.replace("unit =", 'map = "festo"\nunit =').replace(TCP.name, "led drive with a mailbox"),
+)
 CAMPAIGN: Final = Campaign(
     "modbus services", tags=("modbus", "profidrive"), bench="testcases.campaigns.modbus_services:TCP"
 )
@@ -48,6 +53,10 @@ ON_A_LINE: Final = Campaign(
     "modbus line services", tags=("modbus", "profidrive"), bench="testcases.campaigns.modbus_services:LINE"
 )
 """The same on a serial line."""
+WITH_MAILBOX: Final = Campaign(
+    "modbus mailbox", tags=("modbus", "profidrive"), bench="testcases.campaigns.modbus_services:MAILBOX"
+)
+"""A drive whose registers are those of a CMMT: parameters by a mailbox, low bytes and words first."""
 
 
 class Client:
@@ -348,3 +357,50 @@ def own_unit(ctx: CaseContext) -> None:
     client.answers("another unit", client.ask(3, 40_110 - FIRST - 1, 1, unit=UNIT + 1), None, "PD-290")
     client.ask(16, 40_100 - FIRST - 1, 2, (READY, 0), unit=0)
     client.answers("control word", client.read(40_100)[0], READY, "MODB-007")
+
+
+# -- mailbox ------------------------------------------------------------------------------------------------
+
+READING, WRITING, DONE, REFUSED = 0x01, 0x02, 0x10, 0x03
+"""Orders of the mailbox, and its states behind them."""
+STORED: Final = (
+    (2040, "<f", (250.0, 1000.0)),
+    (1120, "<f", (2.5, 0.125)),
+    (925, "<H", (258, 4)),
+    (1113, "<I", (0x082AFC0B,)),
+)
+"""Parameters of every size, and numbers in them of which no two bytes are alike."""
+
+
+@WITH_MAILBOX.case("mailbox")
+def mailbox(ctx: CaseContext) -> None:
+    """What is written by the mailbox is read by it, low byte first, and is the number that the registers
+    show; a parameter that does not exist, a wrong length and a wrong order end in state 3.
+    """
+    client = Client(ctx)
+
+    def order(number: int, code: int, data: bytes = b"") -> tuple[int, bytes]:
+        """Carry out an order; returns state and data."""
+        words = [int.from_bytes(data[at : at + 2].ljust(2, b"\0"), "little") for at in range(0, len(data), 2)]
+        if words:
+            client.ask(16, 510, len(words), tuple(words))
+        client.ask(16, 500, 5, (number, 0, 1, code, len(data)))
+        state, length = client.ask(3, 503, 2)
+        found = client.ask(3, 510, 4)
+        return state, b"".join(word.to_bytes(2, "little") for word in found)[:length]
+
+    for number, form, values in STORED:
+        before = order(number, READING)
+        client.answers(f"p{number} is read", (before[0], len(before[1])), (DONE, len(pack(form, values[0]))))
+        for value in values:
+            data = pack(form, value)
+            client.answers(f"p{number} = {value} is written", order(number, WRITING, data)[0], DONE)
+            client.answers(f"p{number} is read", order(number, READING), (DONE, data))
+            if number == 2040:
+                shown = client.ask(3, 400, 2)
+                client.answers("registers of p2040", shown[0] | shown[1] << 16, value, "PD-280")
+        client.answers(f"p{number} is put back", order(number, WRITING, before[1])[0], DONE)
+        client.answers("one byte too many", order(number, WRITING, before[1] + b"\0")[0], REFUSED)
+        client.answers("an unknown order", order(number, 7)[0], REFUSED)
+        client.answers(f"p{number} is what it was", order(number, READING), before)
+    client.answers("no such parameter", order(4999, READING)[0], REFUSED)

@@ -482,6 +482,45 @@ def shift(
     ctx.expect(no_alarm())
 
 
+@TURNING.product(
+    "shift/turning/{kind}",
+    parameters={"kind": ("phasing_relative", "offset_relative")},
+    title="{kind} from a start position in this turn and in the next one",
+    requirements=lambda kind: ("SYN-180", "SYN-187") if kind == "phasing_relative" else ("SYN-430",),
+)
+def shift_on_a_turn(ctx: CaseContext, kind: str) -> None:
+    """A modulo leading axis comes to the start position in its direction: just ahead, beyond the end of its
+    range, or after almost a whole turn, when it lies just behind.
+    """
+    here = _placed(ctx, 4.0)
+    length, low = 150.0, -40.0
+    job = here.follower.gear_in(here.leader, 3, 2, **_QUICK)
+    ctx.wait_until(job.in_gear, 1.0, "the axis is in gear")
+    for velocity in (250.0, -250.0):
+        _moving(ctx, here.leader, velocity)
+        sense = 1.0 if velocity > 0.0 else -1.0
+        for ahead in (23.0, 145.0):
+            begun, place = ctx.now_s, here.position(here.leader)
+            start = low + (place + sense * ahead - low) % length
+            shifts = _start_shift(
+                here.follower, kind, 0.5 * sense, 9.0, ProfileReference=2, StartPosition=start, Direction=3
+            )
+            output = "StartPhasing" if kind.startswith("phasing") else "StartOffset"
+            ctx.wait_until(lambda one=shifts, name=output: getattr(one, name), 1.0, "the shift begins")
+            way = abs(velocity) * (ctx.now_s - begun)
+            # The outputs show it one call behind the setpoint, which is in the middle of a cycle.
+            equal(
+                ctx,
+                f"way to {start:g} mm at {velocity:g} mm/s, {ahead:g} mm ahead",
+                way,
+                ahead,
+                "SYN-187" if output == "StartPhasing" else "SYN-430",
+                within=3.0 * abs(velocity) * _CYCLE_S,
+            )
+            ctx.wait_until(shifts.done, 1.0, "the shift is done")
+    ctx.expect(no_alarm())
+
+
 def _by_polynomial(
     ctx: CaseContext,
     since: float,
