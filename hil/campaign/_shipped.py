@@ -67,6 +67,7 @@ SHIPPED: Final = (
     ShippedCampaign("cia402_drive", seeding=("own",)),
     ShippedCampaign("cia402_modes", seeding=("own",)),
     ShippedCampaign("cia402_details", seeding=("own",)),
+    ShippedCampaign("cia402_homing", seeding=("own",)),
     ShippedCampaign("personalities", seeding=("own",)),
     ShippedCampaign("canopen_services", seeding=("own",)),
     ShippedCampaign("canopen_device", seeding=("own",)),

@@ -26,11 +26,15 @@ def _objects(drive: DriveView) -> Judged | None:
     times, found = drive.time_s, []
     # 607Ch moves 6064h against the encoder.
     moved = any(data[1:3] == _HOME_OFFSET for _, data in drive.whole.frames.of(bus, _REQUEST + node).each())
+    # So does a homing, whatever the offset.
+    homed = min(
+        (one.time_ns * 1e-9 for one in drive.whole.events.of(drive.name, "drive.homing")), default=np.inf
+    )
     for when, data in drive.whole.frames.of(bus, _ANSWER + node).each():
         if len(data) != 8 or data[0] & 0xE3 != _EXPEDITED or data[3]:
             continue
         column = _SHOWN.get(int.from_bytes(data[1:3], "little"))
-        if column is None or (moved and column == "encoder_increments"):
+        if column is None or ((moved or when >= homed) and column == "encoder_increments"):
             continue
         at = int(np.searchsorted(times, when))
         if not 2 <= at < len(times) - 2:
@@ -60,7 +64,7 @@ OBJECTS: Final = Rule(
     name="objects of the drive",
     says="6041h, 603Fh and 6064h read by SDO are what the drive shows",
     requirements=("C402-039",),
-    tolerance="that of the samples around; 6041h while it stays, 6064h without home offset (607Ch)",
+    tolerance="that of the samples around; 6041h while it stays, 6064h before any homing and without home offset (607Ch)",
     judge=_objects,
     excused_by=("frame.", "can.", "sdo.", "drive.", "encoder.", "mechanics."),
     recovery_s=1.0,
