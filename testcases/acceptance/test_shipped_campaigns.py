@@ -40,6 +40,7 @@ from testcases.campaigns import (
     cia402_drive,
     cia402_homing,
     cia402_modes,
+    cia402_options,
     commissioning,
     control,
     control_unit,
@@ -96,6 +97,7 @@ from testcases.campaigns import (
     synchronous_jobs,
     telegram_faults,
     time_and_logs,
+    vendor_drives,
 )
 
 WHOLE = os.environ.get("HYPOTHESIS_PROFILE") == "nightly"
@@ -245,6 +247,7 @@ def bench_file(name):
         *some(CAN_BUS, "cia402", [can_traffic.CAMPAIGN, canopen_master.CAMPAIGN]),
         *some(CAN_BUS, "cia402", [eds_files.CAMPAIGN, time_and_logs.CAMPAIGN]),
         *some(CAN_BUS, "cia402", [device_settings.CAMPAIGN, machine_parts.CAMPAIGN, servo_core.CAMPAIGN]),
+        *some(CAN_BUS, "cia402", [cia402_options.CAMPAIGN, vendor_drives.CAMPAIGN]),
         *some(CAN_BUS, "cia402", [modbus_stations.CAMPAIGN, ads_device.CAMPAIGN, analog_drive.CAMPAIGN]),
         *some("testcases.campaigns.personalities:RETRY", "cia402", [personalities.OF_RETRY]),
         *some(CAN_BUS, "profidrive", [encoder_states.CAMPAIGN, pulse_module.CAMPAIGN, control_unit.CAMPAIGN]),

@@ -64,7 +64,8 @@ OBJECTS: Final = Rule(
     name="objects of the drive",
     says="6041h, 603Fh and 6064h read by SDO are what the drive shows",
     requirements=("C402-039",),
-    tolerance="that of the samples around; 6041h while it stays, 6064h before any homing and without home offset (607Ch)",
+    tolerance="that of the samples around; 6041h while it stays, 6064h before any homing and "
+    "without home offset (607Ch)",
     judge=_objects,
     excused_by=("frame.", "can.", "sdo.", "drive.", "encoder.", "mechanics."),
     recovery_s=1.0,
