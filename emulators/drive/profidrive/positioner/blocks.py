@@ -33,6 +33,8 @@ class BlockRun:
         """Number of the block in work."""
         self.outputs = 0
         """Direct outputs 1 and 2, as bits."""
+        self._running: TraversingBlock | None = None
+        """The block in work, whatever the table has become since."""
         self._wait_s = 0.0
 
     def start(self, number: int, words: Words, base: float | None = None, *, follows: bool = False) -> None:
@@ -55,6 +57,7 @@ class BlockRun:
             return
         if not block.moves:
             self.active = number
+            self._running = block
             self._wait_s = block.parameter / 1000.0 if block.task == "wait" else 0.0
             task.accept(Mode.BLOCK, None)
             return
@@ -67,6 +70,7 @@ class BlockRun:
         if not task.allowed(target, words, absolute=block.task == "absolute"):
             return
         self.active = number
+        self._running = block
         settings = task.settings
         task.accept(
             Mode.BLOCK,
@@ -102,7 +106,9 @@ class BlockRun:
     def step(self, words: Words, rising: int, cycle_s: float) -> None:
         """Go on to what follows; one block that does not move per cycle."""
         task = self._task
-        block = self.table[self.active]
+        block = self._running
+        if block is None:
+            return
         following = self.active + 1
         if block.continuation == "continue external" and rising & STW1.EXTERNAL_BLOCK_CHANGE:
             self.start(following, words, follows=True)
