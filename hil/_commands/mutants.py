@@ -21,6 +21,7 @@ from hil.mutants import (
     SeedingOptions,
     Stored,
     as_run,
+    credits_of,
     draw,
     find_judges,
     find_test_files,
@@ -88,6 +89,10 @@ class _Progress:
         elif done == total or done % 50 == 0:
             self._console.print(f"baseline: {done}/{total} cases", style="dim", markup=False)
 
+    def look(self, done: int, total: int) -> None:
+        if done == total or done % 50 == 0:
+            self._console.print(f"looked for a difference in {done}/{total} cases", style="dim", markup=False)
+
     def mutant(self, result: MutantResult, done: int, total: int) -> None:
         first = result.caught_by[0] if result.caught_by else None
         text = f"[{done:{len(str(total))}}/{total}] {result.status:9} {result.mutant.name}"
@@ -137,6 +142,7 @@ def seed_defects(request: MutantsRequest) -> int:
             options,
             on_baseline=progress.baseline,
             on_result=on_result,
+            on_look=progress.look,
             earlier=earlier,
             earlier_seconds=stored.seconds if request.resume else 0.0,
             coverage=Coverage.of(request.coverage),
@@ -296,7 +302,7 @@ def _tell(seeding: Seeding, report: Path | None) -> None:
             style="bold yellow",
             markup=False,
         )
-    for row in shares(seeding):
-        out.print(row.line, markup=False)
+    for line in (*(row.line for row in shares(seeding)), *(one.line for one in credits_of(seeding))):
+        out.print(line, markup=False, soft_wrap=True)
     if report is not None:
         out.print(f"report: {report / PAGE_FILE}, table: {report / TABLE_FILE}", markup=False)

@@ -16,10 +16,12 @@ from hil.mutants._mutant import AREAS, PACKAGES, Edit, Mutant, defect
 from hil.mutants._patch import TargetChangedError, seeded, watched
 from hil.mutants._plan import Judge, find_judges, hinted, in_order
 from hil.mutants._results import (
+    Credit,
     Share,
     Stored,
     as_run,
     catalogue_table,
+    credits_of,
     load_stored,
     markdown,
     shares,
@@ -35,6 +37,7 @@ __all__ = [
     "CATALOGUE",
     "PACKAGES",
     "Coverage",
+    "Credit",
     "Edit",
     "Judge",
     "ModuleReach",
@@ -49,6 +52,7 @@ __all__ = [
     "TargetChangedError",
     "as_run",
     "catalogue_table",
+    "credits_of",
     "defect",
     "draw",
     "find_judges",

@@ -24,8 +24,8 @@ from typing import Final
 from fieldbus.errors import HilError
 from hil.mutants._mutant import Edit, Mutant
 
-_HOOK: Final = "__mutant_reached__"
-"""Global under which a changed function finds the function that notes it."""
+HOOK: Final = "__mutant_reached__"
+"""Global under which a changed function finds what notes it."""
 _FLAGS: Final = __future__.annotations.compiler_flag
 
 
@@ -127,6 +127,12 @@ def _place(statements: list[ast.stmt], line: int) -> tuple[list[ast.stmt], int] 
     return None
 
 
+def innermost(statements: list[ast.stmt], line: int) -> ast.stmt | None:
+    """Return the innermost statement on a line; None: there is none."""
+    found = _place(statements, line)
+    return None if found is None else found[0][found[1]]
+
+
 def _compiled(function: FunctionType, source: str, lines: Iterable[tuple[int, str]], edit: Edit) -> CodeType:
     """Return the code of a function from its source, with a note before the statements on these lines."""
     try:
@@ -136,17 +142,27 @@ def _compiled(function: FunctionType, source: str, lines: Iterable[tuple[int, st
     (definition,) = tree.body
     if not isinstance(definition, ast.FunctionDef):
         raise TargetChangedError(edit, "its source does not begin with a function")
-    definition.decorator_list = []
     # From the last place to the first, so that an index found stays right.
     for line, name in sorted(lines, reverse=True):
         found = _place(definition.body, line)
         if found is None:
             raise TargetChangedError(edit, f"line {line} of it, which changes, is in no statement")
         statements, index = found
-        note = ast.Expr(ast.Call(ast.Name(_HOOK, ast.Load()), [ast.Constant(name)], []))
+        note = ast.Expr(ast.Call(ast.Name(HOOK, ast.Load()), [ast.Constant(name)], []))
         statements.insert(index, ast.copy_location(note, statements[index]))
+    return compiled(function, definition, edit)
+
+
+def compiled(function: FunctionType, definition: ast.FunctionDef, edit: Edit) -> CodeType:
+    """Return the code of a function from another definition of it, which is changed.
+
+    Raises:
+        TargetChangedError: It uses other variables from outside the function.
+
+    """
+    definition.decorator_list = []
     first = function.__code__.co_firstlineno
-    ast.increment_lineno(tree, first - 1)
+    ast.increment_lineno(definition, first - 1)
     free = function.__code__.co_freevars
     # A function around it gives it the variables that it has from outside, `__class__` of `super()` among
     # them.
@@ -170,18 +186,24 @@ def _compiled(function: FunctionType, source: str, lines: Iterable[tuple[int, st
 
 
 @contextmanager
-def _replaced(codes: dict[FunctionType, CodeType], reached: set[str]) -> Iterator[None]:
-    """Give functions other code for a while."""
+def replaced(codes: dict[FunctionType, CodeType], note: object) -> Iterator[None]:
+    """Give functions other code for a while.
+
+    Args:
+        codes: The code for each.
+        note: What they find as `HOOK`.
+
+    """
     before = {function: function.__code__ for function in codes}
     try:
         for function, code in codes.items():
-            function.__globals__[_HOOK] = reached.add
+            function.__globals__[HOOK] = note
             function.__code__ = code
         yield
     finally:
         for function, code in before.items():
             function.__code__ = code
-            function.__globals__.pop(_HOOK, None)
+            function.__globals__.pop(HOOK, None)
 
 
 @dataclass(frozen=True)
@@ -204,7 +226,8 @@ class Patch:
             TargetChangedError: A function is not there.
 
         """
-        with _replaced({function_of(edit): marshal.loads(code) for edit, code in self.places}, reached):  # noqa: S302 - our own
+        codes = {function_of(edit): marshal.loads(code) for edit, code in self.places}  # noqa: S302 - our own
+        with replaced(codes, reached.add):
             yield
 
 

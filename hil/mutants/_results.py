@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -33,6 +34,7 @@ def markdown(seeding: Seeding) -> str:
             f"included."
         ),
         *(f"* {row.line}" for row in shares(seeding)),
+        *(f"* {row.line}" for row in credits_of(seeding)),
         "",
         "| defect | area | what is wrong | status | noticed by | how | s |",
         "|---|---|---|---|---|---|---|",
@@ -66,13 +68,27 @@ def catalogue_table(mutants: Iterable[Mutant], area: str) -> list[str]:
 
 
 def seen_by(plain: Mapping[str, object]) -> str:
-    """Return whether a survivor, as plain data, changes a trace, and that of which cases."""
-    cases = plain["changed_trace_of"]
+    """Return whether a survivor, as plain data, changes a trace, and that of which cases; or else whether it
+    makes a difference at all where it is, and the nearest cases.
+    """
+    cases, nearest = plain["changed_trace_of"], plain["nearest"]
     assert isinstance(cases, list)
-    if not cases:
-        return "all traces stay as they are: no case brings out a difference, or there is none"
-    more = f" and {len(cases) - 3} more" if len(cases) > 3 else ""
-    return f"it changes the trace of {', '.join(cases[:3])}{more}: an expectation is missing"
+    assert isinstance(nearest, list)
+    if cases:
+        more = f" and {len(cases) - 3} more" if len(cases) > 3 else ""
+        return f"it changes the trace of {', '.join(cases[:3])}{more}: an expectation is missing"
+    looked_at, different = plain["cases_looked_at"], plain["cases_with_a_difference"]
+    if looked_at and not different:
+        text = (
+            f"in none of {looked_at} cases does it make a difference where it is: a stimulus is missing, or "
+            f"there is none"
+        )
+    else:
+        text = "all traces stay as they are"
+        if looked_at:
+            text += f", though in {different} of {looked_at} cases it makes a difference where it is"
+        text += ": no case brings a difference out, or there is none"
+    return f"{text}; nearest: {', '.join(nearest)}" if nearest else text
 
 
 @dataclass(frozen=True)
@@ -120,6 +136,55 @@ def _share(what: str, results: Sequence[MutantResult]) -> Share:
     noticed = [entry for entry in judged if entry["status"] == "caught"]
     seen = sum(bool(entry["changed_trace_of"]) for entry in judged if entry["status"] == "survived")
     return Share(what, len(noticed), len(judged), sum(bool(entry["broken"]) for entry in noticed), seen)
+
+
+_ENDS: Final = {
+    "error": "an exception",
+    "failed": "a failed case",
+    "blocked": "a bench that does not start",
+    "hung": "a hang",
+    "crashed": "a crash",
+}
+
+
+@dataclass(frozen=True)
+class Credit:
+    """What noticed drawn defects, and how many."""
+
+    of: str
+    """`campaign`, `rule`, `other` (an expectation of a case, or the end of a case)."""
+    counts: Mapping[str, int]
+    """By name, the most first."""
+
+    @property
+    def line(self) -> str:
+        """All of it as a line of text."""
+        title = {"campaign": "by campaign", "rule": "by rule", "other": "otherwise by"}[self.of]
+        return f"{title}: {', '.join(f'{name} {count}' for name, count in self.counts.items())}"
+
+
+def credits_of(seeding: Seeding) -> list[Credit]:
+    """Return how many drawn defects each campaign and each rule noticed, by the first case that did.
+
+    What no rule noticed was an expectation of the case, an exception, a bench that does not start, a hang, or
+    a crash.
+    """
+    campaigns: Counter[str] = Counter()
+    rules: Counter[str] = Counter()
+    others: Counter[str] = Counter()
+    for result in seeding.results:
+        if not (result.mutant.operator and result.caught_by):
+            continue
+        first = result.caught_by[0]
+        campaigns[first.judge.identifier.partition("/")[0]] += 1
+        if first.rule:
+            rules[first.check] += 1
+        else:
+            others[
+                "an expectation of a case" if first.check else _ENDS.get(first.verdict, first.verdict)
+            ] += 1
+    found = (Credit("campaign", dict(campaigns.most_common())), Credit("rule", dict(rules.most_common())))
+    return [one for one in (*found, Credit("other", dict(others.most_common()))) if one.counts]
 
 
 _VERDICT: Final = {
@@ -189,7 +254,21 @@ JSON_FILE: Final = "mutants.json"
 TABLE_FILE: Final = "mutants.md"
 _GOOD: Final = frozenset({"caught", "explained"})
 _NEEDED: Final = frozenset(
-    {"changes", "status", "caught_by", "how", "message", "seconds", "broken", "changed_trace_of"}
+    {
+        "broken",
+        "cases_looked_at",
+        "cases_with_a_difference",
+        "caught_by",
+        "changed_trace_of",
+        "changes",
+        "check",
+        "how",
+        "message",
+        "nearest",
+        "rule",
+        "seconds",
+        "status",
+    }
 )
 
 

@@ -16,10 +16,12 @@ from hil._digests import product_digest
 from hil._workers import CopyStarter, Pool, number_of_processes
 from hil.errors import CannotRunError
 from hil.mutants._coverage import Coverage, Covered, MarkNumbers, modules_in, scope_of
+from hil.mutants._difference import differences_of
 from hil.mutants._marks import Marks, Place, marks_of, places_of
 from hil.mutants._mutant import Mutant
 from hil.mutants._patch import TargetChangedError, defect_patch
 from hil.mutants._plan import Judge, hinted, in_order, in_turn, modules_of, most_different
+from hil.mutants._tests import is_test_file
 from hil.mutants._worker import Finished, Outcome, Task, run_tasks
 
 BASELINE_LIMIT_S: Final = 300.0
@@ -33,9 +35,14 @@ _CHUNK: Final = 24
 """Cases of the baseline that one process runs."""
 _BEST: Final = 3
 """Cases that are tried for every defect before any others."""
+_NEAREST: Final = 3
+"""Cases that are named for a survivor."""
+_LOOKED_AT: Final = 10
+"""So many times as many cases are looked at for a difference as are tried."""
 
 OnResult = Callable[["MutantResult", int, int], None]
 OnBaseline = Callable[[Outcome, int, int], None]
+OnLook = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -78,6 +85,12 @@ class MutantResult:
     """Why it could not be judged."""
     changed: list[str] = field(default_factory=list)
     """Names of the cases that did not notice it although it changed their trace."""
+    looked_at: int = 0
+    """Cases in which it was looked whether it makes a difference where it is."""
+    different: int = 0
+    """Those of them in which it does."""
+    nearest: list[str] = field(default_factory=list)
+    """Names of a few cases in which it makes a difference, or else of some that come to it."""
     over: bool = False
     """Whether it is judged for good: no more cases are tried."""
     earlier: Mapping[str, Any] | None = None
@@ -87,10 +100,19 @@ class MutantResult:
     def caught_by(self) -> list[Outcome]:
         """Outcomes of the cases that were red."""
         if self.earlier is not None:
-            how, message, broken = (self.earlier[key] for key in ("how", "message", "broken"))
-            judges = (Judge(name, "", "") for name in self.earlier["caught_by"])
+            plain = self.earlier
             return [
-                Outcome(judge, how, message, 0.0, frozenset(), requirements=tuple(broken)) for judge in judges
+                Outcome(
+                    judge=Judge(name, "", ""),
+                    verdict=plain["how"],
+                    message=plain["message"],
+                    seconds=0.0,
+                    reached=frozenset(),
+                    requirements=tuple(plain["broken"]),
+                    check=plain["check"],
+                    rule=plain["rule"],
+                )
+                for name in plain["caught_by"]
             ]
         return [outcome for outcome in self.outcomes if outcome.catches]
 
@@ -147,8 +169,13 @@ class MutantResult:
             "cases_run": len(self.outcomes),
             "cases_reaching_it": self.able,
             "changed_trace_of": list(self.changed),
+            "cases_looked_at": self.looked_at,
+            "cases_with_a_difference": self.different,
+            "nearest": list(self.nearest) if self.status == "survived" else [],
             "explained": self.mutant.explained,
             "operator": self.mutant.operator,
+            "check": "" if first is None else first.check,
+            "rule": first is not None and first.rule,
             "broken": [] if first is None else list(first.requirements),
         }
 
@@ -225,6 +252,8 @@ class Seeder:
         on_baseline: Called after every case of the baseline with its outcome, the number done and the
             number of all.
         on_result: The same for every defect.
+        on_look: Called after every case in which it was looked whether defects make a difference, with the
+            number done and the number of all.
         earlier: Results of an earlier run that are kept.
         earlier_seconds: Wall time that went into them, s.
         coverage: What is known of the cases without a defect; None: nothing.
@@ -239,6 +268,7 @@ class Seeder:
         *,
         on_baseline: OnBaseline | None = None,
         on_result: OnResult | None = None,
+        on_look: OnLook | None = None,
         earlier: Iterable[MutantResult] = (),
         earlier_seconds: float = 0.0,
         coverage: Coverage | None = None,
@@ -252,6 +282,7 @@ class Seeder:
         self._options = options
         self._on_baseline = on_baseline
         self._on_result = on_result
+        self._on_look = on_look
         start = CopyStarter(["hil.mutants._preload", *modules_of(judges)])
         self._pool = Pool[Task, Outcome | None](
             number_of_processes(options.jobs), start, reuse=False, standstill_s=STANDSTILL_S
@@ -417,12 +448,13 @@ class Seeder:
         reached = {judge: baseline[judge].reached for judge in green}
         seconds = {judge: baseline[judge].seconds for judge in green}
         tasks = []
+        able: dict[str, list[Judge]] = {}
         for mutant in mutants:
-            order = in_order(mutant, green, reached, seconds)
+            able[mutant.name] = in_order(mutant, green, reached, seconds)
             result = self._done.setdefault(mutant.name, MutantResult(mutant))
-            result.able = len(order)
-            near = self._numbers.modules(place.module for place in self._places[mutant.name])
-            order = most_different(order, self._options.most_cases, self._passed, near)
+            result.able = len(able[mutant.name])
+            order = self._chosen(mutant, able[mutant.name], self._options.most_cases)
+            result.nearest = [judge.name for judge in order[:_NEAREST]]
             tried = {outcome.judge for outcome in result.outcomes}
             order = [
                 judge
@@ -430,17 +462,28 @@ class Seeder:
                 if judge not in tried and (only is None or judge in only[mutant.name])
             ]
             if order:
-                limits = tuple(self._limit(seconds[judge]) for judge in order)
+                cases = tuple(order)
                 first = not self._options.every_case
                 tasks.append(
-                    Task(tuple(order), self._options.case_seed, mutant, defect_patch(mutant), first, limits)
+                    Task(
+                        cases,
+                        self._options.case_seed,
+                        mutant,
+                        defect_patch(mutant),
+                        first,
+                        self._limits(cases),
+                    )
                 )
             elif only is None:
                 self._tell(result)
+        left = []
         for finished in self._in_time(tasks, 1.0):
             result = self._take(finished)
-            if only is None or result.caught or result.error:
+            if only is None and self._has_more(result):
+                left.append(result)
+            elif only is None or result.caught or result.error:
                 self._tell(result)
+        self._judge_where_different(left, able)
         if only is None and not all(self._done[mutant.name].over for mutant in mutants):
             seeding.interrupted = True
         # A case that is only known to have been green may be red by now for another reason.
@@ -452,6 +495,84 @@ class Seeder:
                 and any(one.judge == judge for mutant in mutants for one in self._done[mutant.name].caught_by)
             ]
         )
+
+    def _has_more(self, result: MutantResult) -> bool:
+        """Return whether a defect that has left no trace may do so in a case that was not tried."""
+        if result.error or result.caught or result.changed or result.mutant.explained:
+            return False
+        # Files of tests are too slow to be looked at.
+        return result.able > len(result.outcomes) and not any(map(is_test_file, self._judges))
+
+    def _chosen(self, mutant: Mutant, judges: Sequence[Judge], most: int) -> list[Judge]:
+        """Return at most so many cases for a defect, as different as can be."""
+        near = self._numbers.modules(place.module for place in self._places[mutant.name])
+        return most_different(judges, most, self._passed, near)
+
+    def _judge_where_different(
+        self, results: Sequence[MutantResult], able: Mapping[str, Sequence[Judge]]
+    ) -> None:
+        """Look in which cases defects make a difference where they are, and try more of those.
+
+        Args:
+            results: Of the defects.
+            able: For the name of each the cases that come to the changed statement.
+
+        """
+        most, seed = self._options.most_cases, self._options.case_seed
+        looked_at = {
+            result.mutant.name: self._chosen(result.mutant, able[result.mutant.name], _LOOKED_AT * most)
+            for result in results
+        }
+        different = self._differing(results, looked_at)
+        tasks = []
+        for result in results:
+            mutant = result.mutant
+            result.different = len(different[mutant.name])
+            tried = {outcome.judge for outcome in result.outcomes}
+            where = [judge for judge in looked_at[mutant.name] if judge in different[mutant.name]]
+            if where:
+                result.nearest = [judge.name for judge in where[:_NEAREST]]
+            new = [judge for judge in where if judge not in tried]
+            if new:
+                order = tuple(self._chosen(mutant, new, most))
+                first = not self._options.every_case
+                tasks.append(Task(order, seed, mutant, defect_patch(mutant), first, self._limits(order)))
+            else:
+                self._tell(result)
+        for finished in self._in_time(tasks, 1.0):
+            self._tell(self._take(finished))
+
+    def _differing(
+        self, results: Sequence[MutantResult], looked_at: Mapping[str, Sequence[Judge]]
+    ) -> dict[str, set[Judge]]:
+        """Return for each defect the cases in which it makes a difference where it is."""
+        judges = list(dict.fromkeys(judge for one in looked_at.values() for judge in one))
+        different: dict[str, set[Judge]] = {name: set() for name in looked_at}
+        if not judges:
+            return different
+        wanted = {name: set(cases) for name, cases in looked_at.items()}
+        code = differences_of(result.mutant for result in results)
+        parts = [tuple(judges[at : at + _CHUNK]) for at in range(0, len(judges), _CHUNK)]
+        seed, done = self._options.case_seed, 0
+        for finished in self._in_time(
+            [Task(part, seed, None, code, False, self._limits(part)) for part in parts], 1.0
+        ):
+            if finished.error:
+                raise CannotRunError(finished.error)
+            for outcome in finished.outcomes:
+                done += 1
+                if self._on_look is not None:
+                    self._on_look(done, len(judges))
+                for result in results:
+                    name = result.mutant.name
+                    if outcome.judge in wanted[name]:
+                        result.looked_at += 1
+                        if name in outcome.reached:
+                            different[name].add(outcome.judge)
+        return different
+
+    def _limits(self, judges: Sequence[Judge]) -> tuple[float, ...]:
+        return tuple(self._limit(self._seeding.baseline[judge].seconds) for judge in judges)
 
     def _limit(self, seconds: float) -> float:
         return self._options.limit_s or max(LEAST_LIMIT_S, LIMIT_FACTOR * seconds)

@@ -4,7 +4,7 @@ nobody else.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Mapping
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -15,12 +15,13 @@ from hil.campaign import CaseSettings, case_seed, execute_case, load_campaign
 from hil.campaign._limits import USED_UP, limit_processor
 from hil.campaign._worker import bench_of
 from hil.errors import CaseEndedError, CaseTimeoutError
+from hil.mutants._difference import Differences
 from hil.mutants._marks import Marks, packed
 from hil.mutants._mutant import Mutant
 from hil.mutants._patch import Patch
 from hil.mutants._plan import Judge
 from hil.mutants._tests import is_test_file, run_test_file
-from reports.model import CaseResult, Verdict
+from reports.model import CaseResult, Check, Verdict
 
 START_LIMIT_S: Final = 120.0
 """Processor time within which a process has to be ready for its first case, s."""
@@ -47,6 +48,10 @@ class Outcome:
     """Marks of the product that it passed, by module, eight to a byte; of a case without a defect."""
     requirements: tuple[str, ...] = ()
     """Identifiers that the failed checks name; none: it was noticed by accident."""
+    check: str = ""
+    """Name of the first check that failed; empty: none has, the case ended in another way."""
+    rule: bool = False
+    """Whether that is a rule that holds in every run."""
     trace: str = ""
     """Digest of its trace; empty: it has none."""
 
@@ -73,8 +78,10 @@ class Task:
     seed: int
     mutant: Mutant | None
     """The defect that is judged; None: the product as it is."""
-    code: Patch | Marks
-    """Its code; without a defect: that of the product with marks."""
+    code: Patch | Marks | Differences
+    """Its code; without a defect: that of the product with marks, or that tells where defects make a
+    difference.
+    """
     stop_at_first: bool = True
     limits_s: tuple[float, ...] = ()
     """Limit of processor time of each case, s; the case ends itself at it, and the parent ends the process a
@@ -152,20 +159,22 @@ def _judge(task: Task, judge: Judge, limit_s: float) -> Outcome:
     except (CaseTimeoutError, CaseEndedError) as error:  # while the result was being written down
         return Outcome(judge, "hung", str(error), own_processor_time_s() - started, frozenset())
     hung = result.verdict is Verdict.ERROR and result.message.startswith(USED_UP)
+    failed = [check for check in result.checks if check.verdict is Verdict.FAILED]
     return Outcome(
         judge=judge,
         verdict="hung" if hung else result.verdict.value,
         message=result.message,
         seconds=own_processor_time_s() - started,
         reached=frozenset(),
-        requirements=_broken(result),
+        requirements=_broken(result, failed),
+        check=failed[0].name if failed else "",
+        rule=bool(failed) and failed[0].rule,
         trace=result.trace_digest,
     )
 
 
-def _broken(result: CaseResult) -> tuple[str, ...]:
+def _broken(result: CaseResult, failed: Sequence[Check]) -> tuple[str, ...]:
     """Return the requirements of the checks that failed; those of the case where a check names none."""
-    failed = [check for check in result.checks if check.verdict is Verdict.FAILED]
     named = dict.fromkeys(one for check in failed for one in check.requirements)
     if failed and not named and not all(check.rule for check in failed):
         named = dict.fromkeys(result.requirements)

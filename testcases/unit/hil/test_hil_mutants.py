@@ -277,6 +277,27 @@ def test_a_survivor_that_changes_a_trace_lacks_an_expectation(capsys, green, tmp
 
 
 @pytest.mark.exhaustive
+def test_more_cases_are_tried_where_a_defect_makes_a_difference(capsys, monkeypatch, tmp_path):
+    """A case that comes to the changed statement with the same result on both sides cannot notice it. When
+    those tried leave no trace, the others in which the result differs have their turn; of a defect that
+    never makes a difference it is said.
+    """
+    (tmp_path / "borders.py").write_text(f"from {TOY} import BORDERS\n")
+    monkeypatch.chdir(tmp_path)
+    arguments = ["--catalogue", f"{TOY}:AT_BORDERS", "--campaign", "borders.py", "--cases", 1, "--json"]
+    code, out, err = call(capsys, *arguments)
+    border, none = json.loads(out)
+    assert code == 1, err
+    assert border["caught_by"] == [f"borders/near@{toy.BENCH}"]
+    assert (border["cases_run"], border["cases_looked_at"], border["cases_with_a_difference"]) == (2, 2, 1)
+    assert (none["cases_run"], none["cases_looked_at"], none["cases_with_a_difference"]) == (1, 2, 0)
+    assert "in none of 2 cases does it make a difference where it is" in err
+    assert "looked for a difference in 2/2 cases" in err
+    assert none["nearest"] == [f"borders/far@{toy.BENCH}"]
+    assert f"nearest: borders/far@{toy.BENCH}" in err
+
+
+@pytest.mark.exhaustive
 def test_all_goes_on_after_the_first_catch(capsys, green):
     """With --all every case that can notice a defect is run, also behind one that killed its process."""
     catalogue = f"{TOY}:FATES"

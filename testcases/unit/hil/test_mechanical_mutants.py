@@ -8,7 +8,17 @@ from importlib import import_module
 import pytest
 
 from hil.errors import CannotRunError
-from hil.mutants import Judge, Mutant, MutantResult, Outcome, Seeding, draw, seeded, shares
+from hil.mutants import (
+    Judge,
+    Mutant,
+    MutantResult,
+    Outcome,
+    Seeding,
+    credits_of,
+    draw,
+    seeded,
+    shares,
+)
 from hil.mutants._coverage import Covered, MarkNumbers
 from hil.mutants._mechanical import live_code
 from hil.mutants._operators import OPERATORS, replacements
@@ -189,3 +199,30 @@ def test_shares_count_what_a_named_requirement_noticed():
     results.append(MutantResult(same, [Outcome(judge, "passed", "", 0.1, found)], able=1, over=True))
     row = shares(Seeding(results))[0]
     assert (row.what, row.noticed, row.judged, row.named, row.seen) == ("all", 2, 3, 1, 1)
+
+
+@pytest.mark.exhaustive
+def test_it_is_said_what_noticed_defects():
+    """Campaigns and rules with the number of defects that they noticed first; exceptions and the like."""
+    judges = [Judge(name, "", "") for name in ("limits/a", "limits/b", "homing/a", "homing/b")]
+    how = [
+        {"verdict": "failed", "check": "actual velocity", "rule": True},
+        {"verdict": "failed", "check": "Stop time"},
+        {"verdict": "error"},
+        {"verdict": "blocked"},
+    ]
+    results = [
+        MutantResult(
+            mutant,
+            [Outcome(judge=judge, message="", seconds=0.1, reached=frozenset(), **more)],
+            able=1,
+            over=True,
+        )
+        for mutant, judge, more in zip(draw(4, 1, ["motion"]), judges, how, strict=True)
+    ]
+    lines = [one.line for one in credits_of(Seeding(results))]
+    assert lines == [
+        "by campaign: limits 2, homing 2",
+        "by rule: actual velocity 1",
+        "otherwise by: an expectation of a case 1, an exception 1, a bench that does not start 1",
+    ]

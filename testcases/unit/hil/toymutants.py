@@ -9,6 +9,7 @@ from hil.mutants import Edit, Mutant
 BENCH = "testcases.unit.hil.toybench:BENCH"
 CAMPAIGN = Campaign("toy product", bench=BENCH)
 RED = Campaign("red", bench=BENCH)
+BORDERS = Campaign("borders", bench=BENCH)
 
 
 class Brake:
@@ -104,6 +105,24 @@ def red(ctx):
     ctx.measure("slope", Brake.slope(4.0, 2.0), low=3.0)
 
 
+def is_fast(speed):
+    """Return whether a speed is high."""
+    return speed > 4.0
+
+
+@BORDERS.case("far")
+def far(ctx):
+    """A speed far from the border, and a brake: the case that comes to the most."""
+    SafeBrake().open()
+    ctx.measure("fast", is_fast(5.0), low=1, high=1)
+
+
+@BORDERS.case("near")
+def near(ctx):
+    """The border itself."""
+    ctx.measure("fast", is_fast(4.0), low=0, high=0)
+
+
 def kill():
     """End this process as a defect in native code does."""
     os.kill(os.getpid(), signal.SIGKILL)
@@ -139,11 +158,14 @@ HANGS = mutant("hangs", "count", "done += 1", "done += 0", likely=("toy-product/
 DEAF = mutant("deaf", "count", "done += 1", "deaf()", likely=("toy-product/count",))
 CRASHES = mutant("crashes", "count", "done += 1", "kill()", likely=("toy-product/count",))
 UNREACHED = mutant("unreached", "never_called", "return 1", "return 2")
+BORDER = mutant("border", "is_fast", "speed > 4.0", "speed >= 4.0")
+NO_BORDER = mutant("no-border", "is_fast", "speed > 4.0", "speed > 4.0 or speed == 3.0")
 CHANGED = mutant("changed", "count", "done += 7", "done += 8")
 
 MUTANTS = [CAUGHT, STAYS_CLOSED, BRANCH, PROPERTY, CLOSURE, RAISES]
 FATES = [CAUGHT, SURVIVES, EXPLAINED, HANGS, DEAF, CRASHES, UNREACHED]
 SURVIVORS = [SURVIVES, SHOWN]
 FEW = [CAUGHT, STAYS_CLOSED, SURVIVES]
+AT_BORDERS = [BORDER, NO_BORDER]
 CHANGED_ONES = [CHANGED]
 NO_LIST = CAUGHT
