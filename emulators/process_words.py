@@ -8,7 +8,7 @@ into the TPDOs of the same SYNC.
 from __future__ import annotations
 
 from collections.abc import Callable
-from operator import eq, itemgetter
+from operator import itemgetter
 from struct import Struct
 from typing import Final
 
@@ -28,6 +28,16 @@ WORDS: Final = 16
 """Words of a telegram in one direction, at most."""
 FREE_RUNNING_PRIORITY: Final = 2
 """A free-running cycle follows the servo step and the control cycle of the same instant."""
+
+
+class _Carrier:
+    """An RPDO with words of the telegram, and how many of its frames have been taken."""
+
+    __slots__ = ("pdo", "taken")
+
+    def __init__(self, pdo: ReceivePdo) -> None:
+        self.pdo = pdo
+        self.taken = pdo.effective
 
 
 class ProcessWords:
@@ -54,8 +64,7 @@ class ProcessWords:
         self._gather = itemgetter(first, *others) if others else lambda values: (values[first],)
         self._to_frame = Struct(f">{out}h")
         self._from_words = Struct(f">{back}h")
-        self._carriers: tuple[ReceivePdo, ...] = ()
-        self._counts: tuple[int, ...] = ()
+        self._carriers: tuple[_Carrier, ...] = ()
         self._touches = False
         self._kept_back = False
 
@@ -64,9 +73,8 @@ class ProcessWords:
         pdos = self._slave.pdos
         words = frozenset(self._keys_in)
         self._carriers = tuple(
-            pdo for pdo in pdos.receive if pdo.valid and not words.isdisjoint(pdo.layout.keys)
+            [_Carrier(pdo) for pdo in pdos.receive if pdo.valid and not words.isdisjoint(pdo.layout.keys)]
         )
-        self._counts = tuple(pdo.effective for pdo in self._carriers)
         answers = frozenset(self._keys_out)
         self._touches = any(
             pdo.valid and pdo.event_driven and not answers.isdisjoint(pdo.layout.keys)
@@ -75,10 +83,13 @@ class ProcessWords:
 
     def take(self) -> bytes | None:
         """Return the telegram that has come since the last call; None: not all of it has."""
-        counts = tuple([pdo.effective for pdo in self._carriers])
-        before = self._counts
-        self._counts = counts
-        if not counts or any(map(eq, counts, before)):
+        complete = bool(self._carriers)
+        for carrier in self._carriers:
+            count = carrier.pdo.effective
+            if count == carrier.taken:
+                complete = False
+            carrier.taken = count
+        if not complete:
             return None
         return self._to_frame.pack(*self._gather(self._slave.values))
 
@@ -88,7 +99,9 @@ class ProcessWords:
             self._kept_back = False
             self._slave.pdos.mute(frozenset())
         words = self._from_words.unpack(frame)
-        self._slave.values.update(zip(self._keys_out, words))  # noqa: B905 - as many as the struct has
+        values = self._slave.values
+        for place, key in enumerate(self._keys_out):
+            values[key] = words[place]
         if self._touches:
             for key in self._keys_out:
                 self._slave.pdos.touch(key)

@@ -260,6 +260,11 @@ class VirtualScheduler(Scheduler):
         """Time of the first step that has not been made, ns."""
         self._calm_until = 0
         """Time up to which no step has an effect outside, ns; 0: not known."""
+        # An event that was entered again while `_run` executes another one, and goes before all in the heap.
+        # Most frames on a bus follow each other like that; they take no operation of the heap.
+        self._first: Timer | None = None
+        self._first_sequence = 0
+        self._takes_first = False
         # The event that is running without the steps before it.
         self._apart_due = self._apart_priority = self._apart_sequence = 0
 
@@ -267,9 +272,28 @@ class VirtualScheduler(Scheduler):
         """Enter `callback` at the present instant; virtual time has no other threads."""
         self.at(self.time_ns, callback)
 
+    @override
+    def again(self, timer: Timer, time_ns: int) -> None:
+        timer.due_ns = time_ns
+        self._sequence = sequence = self._sequence + 1
+        heap = self._heap
+        if self._takes_first and self._first is None and heap and time_ns < heap[0][0]:
+            self._first = timer
+            self._first_sequence = sequence
+        else:
+            _push(heap, (time_ns, timer.priority, sequence, timer))
+
+    def _settle_first(self) -> None:
+        """Put the first event into the heap, for whoever looks there."""
+        timer = self._first
+        if timer is not None:
+            self._first = None
+            _push(self._heap, (timer.due_ns, timer.priority, self._first_sequence, timer))
+
     @property
     @override
     def next_due_ns(self) -> int | None:
+        self._settle_first()
         event = super().next_due_ns
         if not self._steps:
             return event
@@ -297,6 +321,7 @@ class VirtualScheduler(Scheduler):
 
     @override
     def move(self, new_due_ns: Callable[[Timer], int | None]) -> None:
+        self._settle_first()
         self.make_steps_events()
         super().move(new_due_ns)
 
@@ -317,14 +342,22 @@ class VirtualScheduler(Scheduler):
             self.catch_up()  # what is read now is as old as the error
             raise
         finally:
-            self._running = False
+            self._running = self._takes_first = False
+            self._settle_first()
         return False
 
     def _run(self, end: int) -> None:
         """Run all events up to `end`."""
         heap = self._heap
-        while heap or self._steps:
+        self._takes_first = True
+        while heap or self._steps or self._first is not None:
             due, priority, sequence, timer = heap[0] if heap else _NO_EVENT
+            first = self._first
+            if first is not None:
+                # What was entered later may still go before it.
+                at = first.due_ns
+                if at < due or (at == due and (first.priority, self._first_sequence) < (priority, sequence)):
+                    due, priority, sequence, timer = at, first.priority, self._first_sequence, first
             if due > end:
                 if self._step_due > end:
                     break
@@ -339,10 +372,18 @@ class VirtualScheduler(Scheduler):
                     else:
                         self._advance(due, priority, sequence)
                 else:
+                    if first is not None:
+                        self._settle_first()
+                        continue
                     self._make_steps(due, priority, sequence)
                     if heap[0][2] != sequence:
                         continue  # a step has entered an event that comes first
             self.time_ns = due
+            if timer is first:
+                self._first = None
+                if not timer.cancelled:
+                    timer.callback()
+                continue
             if timer.cancelled:
                 _pop(heap)
                 continue
@@ -441,6 +482,7 @@ class VirtualScheduler(Scheduler):
         """Make steps up to `end`, each at its time, until an event comes first."""
         heap = self._heap
         entries = self._steps
+        self._takes_first = False
         while entries:
             due, sequence, steps = entries[0]
             if due > end or (heap and heap[0] < (due, 0, sequence)):
@@ -450,6 +492,7 @@ class VirtualScheduler(Scheduler):
             _replace(entries, (following, sequence, steps))
             self._step_due = entries[0][0]
             steps.step()
+        self._takes_first = True
         self._note_next_step()
 
     def _note_next_step(self) -> None:

@@ -25,7 +25,7 @@ class CanFrame:
 
     """
 
-    __slots__ = ("brs", "can_id", "data", "dlc", "esi", "extended", "fd", "remote", "timing")
+    __slots__ = ("bits", "brs", "can_id", "data", "dlc", "esi", "extended", "fd", "key", "remote")
 
     def __init__(
         self,
@@ -50,7 +50,10 @@ class CanFrame:
             self.dlc = dlc
         else:
             self.dlc = bisect_left(FD_LENGTHS, len(data)) if fd else len(data)
-        self.timing: tuple[int, int] | None = None  # kept by `fieldbus.can.timing.note_timing`
+        self.key = 0
+        """Arbitration field as `fieldbus.can.timing.arbitration_key` returns it, once `bits` is known."""
+        self.bits = 0
+        """Bits of a classical frame on the wire, kept by `fieldbus.can.timing`; 0 until they are known."""
 
     def with_data(self, data: bytes) -> CanFrame:
         """Return a data frame of the same kind and identifier with other data."""

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Sequence
 from heapq import heapify, heappop, heappush
-from typing import Final
+from typing import Any, Final
 
 from fieldbus.can.bit_level import COMMIT_PRIORITY, BitLevel
 from fieldbus.can.confinement import (
@@ -43,7 +43,8 @@ from fieldbus.errors import BusError
 from fieldbus.history import History
 
 _push: Final = heappush  # constants are at hand in the compiled core
-_pop: Final = heappop
+# Any: an entry that only passes through is not taken apart and made again there.
+_pop: Final[Callable[[list[Entry]], Any]] = heappop
 _LONGEST_BITS: Final = 256  # more than the longest frame with the longest error frame
 _COMMITTED: Final = -1  # no other frame may take the place of the chosen one any more
 _ACK_TO_EOF_BITS: Final = 8  # ACK delimiter and EOF
@@ -101,7 +102,6 @@ class BusSection:
         self._write_log: bool = log.enabled
         self._log_entries = log.entries
         self._at = scheduler.at
-        self._again = scheduler.again
         self._on_end: Callable[[], None] = self._end_of_frame
         self._durations: Final = [bits * S // bitrate for bits in range(_LONGEST_BITS)]
         self._intermission_ns = self._durations[INTERMISSION_BITS]
@@ -152,7 +152,9 @@ class BusSection:
         """Queue `frames` of `port`; see `MediumPort.send`."""
         now = self.scheduler.time_ns
         for frame in frames:
-            key, bits = frame.timing or self._timing(frame, port)
+            key, bits = frame.key, frame.bits
+            if not bits:
+                key, bits = self._timing(frame, port)
             if not port.can_send:
                 if port.detached:
                     raise BusError(f"port {port.name} is detached from {self.name}")
@@ -167,7 +169,7 @@ class BusSection:
                     if start < now:  # noqa: PLR1730 - max() is a call on the cyclic path
                         start = now
                     self._sender = port
-                    self._begin_frame((key, sequence, 0, frame, bits, NOT_ASKED), start)
+                    self._begin_frame((key, sequence, 0, frame, bits, NOT_ASKED), bits, start)
                     continue
                 if (
                     port is self._sender
@@ -215,11 +217,11 @@ class BusSection:
             self._fd_busy[place] = round(duration_ns * self.bitrate / S)
         return fd_key(frame), place
 
-    def _begin_frame(self, entry: Entry, start_ns: int) -> None:
+    def _begin_frame(self, entry: Entry, bits: int, start_ns: int) -> None:
         """Put a frame of `_sender` on the wire, unless a better one comes until the very instant."""
         self._entry = entry
         self._start_ns = self._open_until_ns = start_ns
-        self._end_ns = end = start_ns + self._to_end_ns[entry[4]]
+        self._end_ns = end = start_ns + self._to_end_ns[bits]
         timer = self._spare
         if timer is None:
             self._timer = timer = self._at(end, self._on_end)
@@ -227,28 +229,32 @@ class BusSection:
         else:
             self._spare = None
             self._timer = timer
-            self._again(timer, end)
+            self.scheduler.again(timer, end)
 
     def _offer(self, port: MediumPort, entry: Entry) -> None:
         _push(port.queue, entry)
         self._backlog += 1
         current = self._entry
+        now = self.scheduler.time_ns
+        start = self._start_ns
         if current is None:
             if self._blocked:
                 self.bits.wake()
             else:
-                self._arbitrate(max(self.free_ns, self.scheduler.now))
-        elif self.scheduler.now > self._open_until_ns:
-            if self._late_ns != self._start_ns:
-                self._late_ns = self._start_ns
+                self._arbitrate(max(self.free_ns, now))
+        elif now > self._open_until_ns:
+            if self._late_ns != start:
+                self._late_ns = start
                 self._late_sequence = entry[1]
-        elif (
-            entry[0] < current[0]
-            or (entry[0] == current[0] and port is not self._sender)
-            # The chosen one may be an error-passive sender that still has to wait, and this one need not.
-            or max(self.free_ns, self.scheduler.now, port.not_before_ns) < self._start_ns
-        ):
-            self._rearbitrate()
+        else:
+            key, chosen = entry[0], current[0]
+            if (
+                key < chosen
+                or (key == chosen and port is not self._sender)
+                # The chosen one may be an error-passive sender that still has to wait, and this one need not.
+                or (self.free_ns < start and now < start and port.not_before_ns < start)
+            ):
+                self._rearbitrate()
 
     def _queue(self, port: MediumPort, entry: Entry) -> None:
         """Put `entry` back, unless the queue has been emptied since it was taken."""
@@ -259,7 +265,8 @@ class BusSection:
     def take_first(self, port: MediumPort) -> Entry:
         """Remove the first frame of a queue, and return it."""
         self._backlog -= 1
-        return _pop(port.queue)
+        entry: Entry = _pop(port.queue)
+        return entry
 
     def take(self, port: MediumPort, entry: Entry) -> None:
         """Remove a frame from a queue."""
@@ -334,7 +341,8 @@ class BusSection:
         """Put the first frame of `port` on the wire."""
         self._backlog -= 1
         self._sender = port
-        self._begin_frame(_pop(port.queue), start_ns)
+        entry = _pop(port.queue)
+        self._begin_frame(entry, entry[4], start_ns)
         self._open_until_ns = open_until_ns
 
     def _needs_bits(self, contenders: Sequence[MediumPort]) -> bool:
@@ -487,10 +495,12 @@ class BusSection:
         assert entry is not None
         assert sender is not None
         end = self._end_ns
-        key, _, _, frame, bits, _ = entry
+        # Compiled, a name for several of them would make objects of the numbers.
+        key, _sequence, _copy, frame, bits, _corruptions = entry
         self.busy_bits += bits
+        time_ns: Any = end  # compiled, one object for log and receiver
         if self._write_log:
-            self._log_entries.append((end, sender.name, frame, ""))
+            self._log_entries.append((time_ns, sender.name, frame, ""))
         self.free_ns = free = end + self._intermission_ns
         backlog = self._backlog
         if not backlog:
@@ -501,10 +511,10 @@ class BusSection:
         ):
             # No other node is waiting: as `_begin_frame`, without a call.
             self._backlog = backlog - 1
-            self._entry = entry = _pop(sender.queue)
+            self._entry = upcoming = _pop(sender.queue)
             self._start_ns = self._open_until_ns = free
-            self._end_ns = following = free + self._to_end_ns[entry[4]]
-            self._again(self._timer, following)
+            self._end_ns = following = free + self._to_end_ns[upcoming[4]]
+            self.scheduler.again(self._timer, following)
         else:
             self._entry = None
             self._spare = self._timer
@@ -512,7 +522,7 @@ class BusSection:
         receive = sender.routes.get(key)
         if receive is None:
             receive = self._find_route(sender, frame, key)
-        receive(frame, end)
+        receive(frame, time_ns)
 
     def _find_route(self, sender: MediumPort, frame: CanFrame, key: int) -> FrameReceiver:
         """Note who takes frames of `sender` with this arbitration field, and return what delivers them."""
@@ -530,7 +540,7 @@ class BusSection:
         catch_up = self.scheduler.catch_up
         route: FrameReceiver
 
-        def receive_all(frame: CanFrame, time_ns: int) -> None:
+        def receive_all(frame: CanFrame, time_ns: Any) -> None:
             catch_up()
             for port, take in takers:
                 # A taker may change what the others listen to, or take them off the bus.
@@ -543,7 +553,7 @@ class BusSection:
         else:
             first = takers[0][1]
 
-            def receive_one(frame: CanFrame, time_ns: int) -> None:
+            def receive_one(frame: CanFrame, time_ns: Any) -> None:
                 catch_up()
                 first(frame, time_ns)
 
@@ -626,7 +636,7 @@ class BusSection:
             self._unacknowledged = False
             self.free_ns = end + self._intermission_ns
             sender.not_before_ns = start = end + self._durations[INTERMISSION_BITS + SUSPEND_BITS]
-            self._begin_frame(entry, start)
+            self._begin_frame(entry, entry[4], start)
             return
         changes: list[StateChange] = []
         self.give_back(sender, entry, ErrorCode.ACK)

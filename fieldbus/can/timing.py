@@ -193,7 +193,9 @@ def note_timing(frame: CanFrame) -> tuple[int, int]:
     """
     if not isinstance(frame.data, bytes):
         raise BusError(f"the data of a frame must be bytes, not {type(frame.data).__name__}")
-    frame.timing = timing = _timing(frame.can_id, frame.data, frame.extended, frame.remote, frame.dlc)
+    frame.key, frame.bits = timing = _timing(
+        frame.can_id, frame.data, frame.extended, frame.remote, frame.dlc
+    )
     return timing
 
 
@@ -243,7 +245,8 @@ class FrameMaker:
                 bits = _bits_of_seven(data, self._crc, self._stuff, self._bits)
             else:
                 bits = _bits_of_few(data, self._crc, self._stuff, self._bits)
-            frame.timing = self._key, bits
+            frame.key = self._key
+            frame.bits = bits
         return frame
 
 

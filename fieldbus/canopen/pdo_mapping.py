@@ -207,10 +207,11 @@ def applier(layout: Layout, store: ObjectStore) -> Applier:
 
     unpack = code.unpack
     if all(hook is None for _, hook in plan):
-        update = values.update
 
         def apply_plain(data: bytes) -> None:
-            update(zip(keys, unpack(data)))  # noqa: B905 - as many as the struct has
+            unpacked = unpack(data)
+            for place, key in enumerate(keys):  # takes half as long as `update` with pairs
+                values[key] = unpacked[place]
 
         return apply_plain
 

@@ -7,7 +7,8 @@ controller to the drive, *actual* the way back.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from array import array
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from struct import Struct
 from typing import Final, Literal
@@ -143,24 +144,20 @@ class Layout:
         self.words: Final = self._struct.size // 2
         """16-bit words."""
         self._supply: Final = {name: 0 for name in signals if name != "FREE"}
-
-    def pack(self, *values: int) -> bytes:
-        """Return the frame for all values in the order of `names`; the quick way for the cycle.
+        self.pack: Final[Callable[..., bytes]] = self._struct.pack
+        """Returns the frame for all values in the order of `names`; the quick way for the cycle.
 
         Raises:
             struct.error: A value is out of the range of its signal, or not all are given.
 
         """
-        return self._struct.pack(*values)
-
-    def unpack(self, data: bytes) -> tuple[int, ...]:
-        """Return all values in the order of `names`.
+        self.unpack: Final[Callable[[bytes], tuple[int, ...]]] = self._struct.unpack
+        """Returns all values in the order of `names`.
 
         Raises:
             struct.error: The frame has another length.
 
         """
-        return self._struct.unpack(data)
 
     def encode(self, values: Mapping[str, int]) -> bytes:
         """Return the frame for values by name; a signal that is not given is 0.
@@ -247,6 +244,19 @@ def describe_value(name: str, value: int) -> str:
     if kind == "n4":
         return f"{value / 0x4000_0000 * 100.0:.4f} %"
     return str(value)
+
+
+def swap_words(data: bytes) -> bytes:
+    """Return words with their bytes the other way round: CANopen has the low byte of a word first, a telegram
+    the high one (PD-343).
+
+    Raises:
+        ValueError: It is no whole number of words.
+
+    """
+    words = array("H", data)
+    words.byteswap()
+    return words.tobytes()
 
 
 class Telegram:

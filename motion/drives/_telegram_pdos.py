@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from struct import Struct
 from typing import TYPE_CHECKING, Final
+
+from fieldbus.profidrive.telegrams import swap_words
 
 if TYPE_CHECKING:
     from fieldbus.canopen.master import CanopenMaster
@@ -27,8 +28,6 @@ class TelegramPdos:
     """
 
     def __init__(self, master: CanopenMaster, node_id: int, words: int) -> None:
-        # CANopen has the low byte of a word first, a telegram the high one (PD-343).
-        self._from_wire, self._to_telegram = Struct(f"<{words}H"), Struct(f">{words}H")
         self._parts = [
             bytes(2 * min(WORDS_PER_PDO, words - first)) for first in range(0, words, WORDS_PER_PDO)
         ]
@@ -55,7 +54,7 @@ class TelegramPdos:
         if whole is None:
             return None
         self._whole = None
-        return self._to_telegram.pack(*self._from_wire.unpack(whole))
+        return swap_words(whole)
 
     def _receiver(self, number: int) -> Callable[[bytes, int], None]:
         parts = self._parts

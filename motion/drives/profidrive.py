@@ -39,6 +39,7 @@ _FLOAT: Final = Struct("<f")
 
 _CONTROL: Final = int(STW1.CONTROL_BY_PLC)
 _ACKNOWLEDGE: Final = int(STW1.ACKNOWLEDGE)
+_ERROR: Final = int(G_ZSW.ERROR)
 _ENCODER_ERROR: Final = int(G_ZSW.ERROR | G_ZSW.PARKING)
 _ENCODER_ACKNOWLEDGE: Final = int(G_STW.ACKNOWLEDGE)
 _PROBES: Final = 2
@@ -147,8 +148,10 @@ class ProfidrivePort(LinkedPort):
         "_fault_number",
         "_g1_at",
         "_g1_zsw_at",
+        "_gain_per_s",
         "_kpc",
         "_kpc_at",
+        "_kpc_of_gain",
         "_m_act_at",
         "_meldw_at",
         "_momred_at",
@@ -202,6 +205,8 @@ class ProfidrivePort(LinkedPort):
         self._watches = words.sign_of_life
         self._sign = 0
         self._xerr = self._kpc = 0
+        self._gain_per_s = 0.0
+        self._kpc_of_gain = 0
         self._fault_number = 0
         self.setpoint_seam: TelegramSeam | None = None
         """Stands between this port and the bus, for every telegram to the drive; None: nothing does."""
@@ -371,7 +376,7 @@ class ProfidrivePort(LinkedPort):
         if self._xist_at >= 0:
             g1_zsw = answer[self._g1_zsw_at]
             self.sensor_fault = bool(g1_zsw & _ENCODER_ERROR)
-            self.sensor_code = answer[self._xist2_at] & 0xFFFF_FFFF if g1_zsw & G_ZSW.ERROR else 0
+            self.sensor_code = answer[self._xist2_at] & 0xFFFF_FFFF if g1_zsw & _ERROR else 0
             if not self.sensor_fault:
                 self.encoder_increments = answer[self._xist_at]
             searches = self._searches
@@ -418,7 +423,10 @@ class ProfidrivePort(LinkedPort):
         if not -_XERR_MAX <= deviation_increments <= _XERR_MAX:
             deviation_increments = min(max(deviation_increments, -_XERR_MAX), _XERR_MAX)
         self._xerr = round(deviation_increments)
-        self._kpc = to_kpc(gain_per_s)
+        if gain_per_s != self._gain_per_s:
+            self._gain_per_s = gain_per_s
+            self._kpc_of_gain = to_kpc(gain_per_s)
+        self._kpc = self._kpc_of_gain
 
     @override
     def set_torque_range(self, upper: float, lower: float) -> None:

@@ -19,6 +19,7 @@ from typing_extensions import override
 from fieldbus.can.timing import FrameMaker
 from fieldbus.canopen.node_setup import PdoSetup
 from fieldbus.errors import ConfigurationError, HilError
+from fieldbus.profidrive.telegrams import swap_words
 from motion.drives._canopen import CanopenNode, CanopenNodeConfig, node_setup, written
 from motion.drives._telegram_pdos import WORDS_PER_PDO, TelegramPdos
 from motion.drives.profidrive import ProfidrivePort, TelegramConfig, decode_parameter
@@ -89,7 +90,6 @@ class ProfidriveCanPort(ProfidrivePort):
         "_pdos",
         "_rpdos",
         "_steps",
-        "_to_words",
         "node",
         "node_id",
     )  # fmt: skip
@@ -120,10 +120,9 @@ class ProfidriveCanPort(ProfidrivePort):
     def _cut(self) -> None:
         """Lay down how words become PDOs."""
         out = self.telegram.setpoint
-        self._to_words = (Struct(f">{out.words}H"), Struct(f"<{out.words}H"))
         size = 2 * WORDS_PER_PDO
         self._rpdos = tuple(
-            (FrameMaker(0x200 + 0x100 * number + self.node_id).make, at, min(at + size, out.length))
+            (FrameMaker(0x200 + 0x100 * number + self.node_id), at, min(at + size, out.length))
             for number, at in enumerate(range(0, out.length, size))
         )
 
@@ -205,13 +204,9 @@ class ProfidriveCanPort(ProfidrivePort):
             self._send(frame)
 
     def _send(self, frame: bytes) -> None:
-        big, little = self._to_words
-        if len(frame) == big.size:
-            data = little.pack(*big.unpack(frame))
-        else:  # of a wrong length, as a test wants it
-            count = len(frame) // 2
-            data = Struct(f"<{count}H").pack(*Struct(f">{count}H").unpack(frame[: 2 * count]))
-        self._master.send_all([make(data[begin:end]) for make, begin, end in self._rpdos])
+        # Of an odd length only as a test wants it.
+        data = swap_words(frame[:-1] if len(frame) & 1 else frame)
+        self._master.send_all([maker.make(data[begin:end]) for maker, begin, end in self._rpdos])
 
     def release(self) -> None:
         """Disable the drive with a last telegram, which acts at the next SYNC."""

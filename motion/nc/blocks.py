@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 from typing_extensions import override
 
 from fieldbus.errors import ConfigurationError, UnknownAttributeError, UnknownNameError, similar_names
+from motion.kernel.execute_input import ExecuteInput
 from motion.nc.commands import CONTINUOUS, ENDLESS, POSITION, STOP, BufferMode, Command, CommandState
 from motion.nc.errors import BLOCK_MODE, BLOCK_NOT_PERMITTED, BLOCK_PARAMETER, error_text
 from motion.nc.interface import FULL_OVERRIDE, OpMode, State
@@ -227,7 +228,9 @@ class MC_Power(Block):
 class ExecuteBlock(Block):
     """Started by a rising edge of `Execute`; ends in one of Done, CommandAborted, Error (NC-727)."""
 
-    Execute: bool
+    Execute = ExecuteInput()
+    execute_level: bool = False
+    on_execute_fall: Callable[[], object] | None = None
 
     def __init__(self, axis: AxisRef, **inputs: float) -> None:
         self.Execute = False
@@ -240,7 +243,7 @@ class ExecuteBlock(Block):
 
     @override
     def _call(self) -> None:
-        execute, last = bool(self.Execute), self._last
+        execute, last = bool(self.execute_level), self._last
         if execute and last:
             if self.Busy:
                 self._go_on()

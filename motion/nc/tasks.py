@@ -7,6 +7,7 @@ from copy import copy
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import ConfigurationError
+from motion.kernel.execute_input import Dormant
 from motion.nc.axis_ref import AxisRef
 from motion.nc.blocks import Block, ExecuteBlock
 from motion.nc.parameters import ParameterSet
@@ -255,7 +256,7 @@ class NcRuntime:
         """The same, as it is called."""
         self._functions = False
         """There are functions among them, which may look at a plant; blocks know axes only."""
-        self._dormant: list[ExecuteBlock] = []
+        self._dormant: Dormant[ExecuteBlock] = Dormant()
         self.plc_running = True
         """False: the PLC is stopped, hangs or has been halted by an exception (NC-765)."""
         self._cyclic = _Saf(self, cell("task.ads_high_priority"))
@@ -301,7 +302,7 @@ class NcRuntime:
         active: list[Callable[[], object]] = []
         for one in self.program:
             if isinstance(one, ExecuteBlock) and one.dormant:
-                self._dormant.append(one)
+                self._dormant.add(one)
             else:
                 active.append(one)
         self._schedule([*active, instance])
@@ -405,10 +406,8 @@ class NcRuntime:
         for ref in self._refs:
             written = ref.PlcToNc
             written.PlcCycleCount = (written.PlcCycleCount + 1) & 0xFF
-        for block in self._dormant:
-            if not block.Execute:
-                self._wake()
-                break
+        if self._dormant.fallen:
+            self._wake()
         if self._functions:
             self.scheduler.catch_up()
         try:
@@ -421,9 +420,7 @@ class NcRuntime:
 
     def _wake(self) -> None:
         """Call those again that were not called and whose `Execute` has fallen, in front of the others."""
-        woken = [block for block in self._dormant if not block.Execute]
-        self._dormant = [block for block in self._dormant if block.Execute]
-        self._schedule([*woken, *self.program])
+        self._schedule([*self._dormant.take_fallen(), *self.program])
 
 
 class _Saf:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from motion.kernel.execute_input import Dormant
 from motion.s7.instructions import Instruction, MC_SaveAbsoluteEncoderData
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ class Program:
         """There are functions among them."""
         self.count = 0
         """How often the program has been called."""
-        self._dormant: list[Instruction] = []
+        self._dormant: Dormant[Instruction] = Dormant()
 
     def call(self, instance: Callable[[], object], *, first: bool = False) -> None:
         """Call `instance` with every call of the program from the next one on, behind the others.
@@ -47,7 +48,7 @@ class Program:
         active: list[Callable[[], object]] = []
         for one in self.calls:
             if isinstance(one, Instruction) and one.dormant:
-                self._dormant.append(one)
+                self._dormant.add(one)
             else:
                 active.append(one)
         self._schedule([instance, *active] if first else [*active, instance])
@@ -63,8 +64,7 @@ class Program:
 
     def restart(self) -> None:
         """Let every instance of an instruction start again (warm restart)."""
-        self._schedule([*self.calls, *self._dormant])
-        self._dormant = []
+        self._schedule([*self.calls, *self._dormant.take_all()])
         for one in self.calls:
             if isinstance(one, Instruction | MC_SaveAbsoluteEncoderData):
                 one.warm_restart()
@@ -72,7 +72,7 @@ class Program:
     @property
     def instances(self) -> list[Instruction]:
         """All instances of instructions, those that are not called at present included."""
-        return [one for one in (*self.calls, *self._dormant) if isinstance(one, Instruction)]
+        return [one for one in (*self.calls, *self._dormant.instances) if isinstance(one, Instruction)]
 
     def run(self) -> None:
         """Call every instance and function once."""
@@ -80,10 +80,8 @@ class Program:
         for axis in self._axes:
             if axis.image_limits is not None:
                 axis.image_limits.update_image()
-        for one in self._dormant:
-            if not one.Execute:
-                self._wake()
-                break
+        if self._dormant.fallen:
+            self._wake()
         if self._functions:
             self._catch_up()
         for entry in self._entries:
@@ -91,7 +89,5 @@ class Program:
 
     def _wake(self) -> None:
         """Call those again that were not called and whose `Execute` has fallen."""
-        woken = [one for one in self._dormant if not one.Execute]
-        self._dormant = [one for one in self._dormant if one.Execute]
         # In front: they are older than what the program has got since, as a rule.
-        self._schedule([*woken, *self.calls])
+        self._schedule([*self._dormant.take_fallen(), *self.calls])

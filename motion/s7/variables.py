@@ -172,7 +172,8 @@ class VariableStore:
             if parameter.variable is None
         }
         self._stale: dict[str, StoredVariable] = {}
-        self._pending: list[StoredVariable] = []
+        self.pending: list[StoredVariable] = []
+        """DIR values that are assigned and not in force yet (VAR-001)."""
         self._motion = variables.get("Properties.MotionType", StoredVariable("", None, 0))
         for number in range(1, 5):
             existent = variables.get(f"Sensor[{number}].Existent")
@@ -329,7 +330,7 @@ class VariableStore:
             stored.put(converted)
             return
         if stored.written is None:
-            self._pending.append(stored)
+            self.pending.append(stored)
         stored.written = converted
 
     def write_start(self, path: str, value: object) -> None:
@@ -406,13 +407,13 @@ class VariableStore:
             Whether there were any.
 
         """
-        if not self._pending:
+        if not self.pending:
             return False
-        for stored in self._pending:
+        for stored in self.pending:
             if stored.written is not None:
                 stored.put(stored.written)
             stored.written = None
-        self._pending.clear()
+        self.pending.clear()
         return True
 
     def set_internal(self, path: str, value: float) -> None:
@@ -468,7 +469,7 @@ class VariableStore:
                 stored.written = None
         for stored in self._parameter_cells.values():
             stored.cell.value = stored.start
-        self._pending.clear()
+        self.pending.clear()
         self._stale.clear()
         self.online_start_values_changed = False
         return ()

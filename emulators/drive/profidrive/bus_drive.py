@@ -108,7 +108,7 @@ class DriveOnBus(MainsDrive):
         self.trace_columns = names_and_units(columns, drive.train.load_unit)
         """(name, unit) of the values of `trace_row`."""
 
-    def _trace_values(self, *bus: float) -> tuple[float, ...]:
+    def _trace_values(self, bus: tuple[float, ...] = ()) -> tuple[float, ...]:
         """Return the present values of `trace_columns`; `bus`: those of `bus_columns`."""
         drive = self.drive
         core = drive.core
@@ -116,17 +116,23 @@ class DriveOnBus(MainsDrive):
         data = drive.data
         row = data.row
         nsoll, xerr, kpc, m_add = data.control_places
-        return servo_values(drive.mechanics, core) + (  # noqa: RUF005 - a sum makes no list
+        words = drive.words
+        brake = core.brake
+        # Compiled, sums make no list, as stars in a tuple do.
+        values = servo_values(drive.mechanics, core)
+        values += (
             core.position_demand - core.position,
             drive.encoder.increments,
             data.stw1,
-            drive.words.zsw1(),
+            words.zsw1(),
             data.stw2,
-            drive.words.zsw2(),
-            drive.operation.machine.state.number,
-            *bus,
+            words.zsw2(),
+            drive.operation.machine.number,
+        )
+        values += bus
+        values += (
             drive.digital_inputs.value,
-            core.brake.torque_Nm > 0.0 and core.brake.holding_torque_Nm > 0.0,
+            brake.torque_Nm > 0.0 and brake.holding_torque_Nm > 0.0,
             faults.number,
             faults.warning_number,
             drive.safety.s_zsw1b(),
@@ -134,8 +140,8 @@ class DriveOnBus(MainsDrive):
             row[xerr],
             row[kpc],
             row[m_add],
-            *(() if drive.second is None else drive.second.words),
         )
+        return values if drive.second is None else values + drive.second.words
 
     @property
     def state(self) -> AxisState:

@@ -65,6 +65,8 @@ _DATA_SET: Final = 0x1F
 _S4: Final = AxisState.S4
 _SIGN_OF_LIFE_FAILED: Final = 0x0F02
 _NOT_VALID: Final = 0x0001
+_ABSENT: Final = (0,)
+"""Behind the signals of a telegram: what stands for those that it does not have."""
 
 
 FaultListener = Callable[[Fault | None, int], None]
@@ -486,7 +488,7 @@ class ProfidriveDrive:
 
     def _take_over(self, frame: bytes, now_ns: int) -> None:
         data = self.data
-        row = (*self.telegram.setpoint.unpack(frame), 0)
+        row = self.telegram.setpoint.unpack(frame) + _ABSENT
         stw1 = row[0]
         stw2 = row[self._stw2_at]
         if not (self.watched_by_transport and data.controlled_cyclically):

@@ -102,7 +102,9 @@ class Monitors:
         """Notice that telegrams or the clock are missing (PD-030, PD-292)."""
         faults = self._faults
         limit_ms = self._settings.setpoint_monitoring_ms
-        if limit_ms and now - self._data.received_at_ns > round(limit_ms * MS):
+        silent_ns = now - self._data.received_at_ns
+        # The first condition only saves the rounding: in every cycle but that of the fault.
+        if limit_ms and silent_ns > limit_ms * MS - 1.0 and silent_ns > round(limit_ms * MS):
             faults.keep(numbers.SETPOINT_TIMEOUT, self._silent)
             self._raise_fault(numbers.SETPOINT_TIMEOUT)
         signs = self._signs

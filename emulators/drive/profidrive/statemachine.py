@@ -72,11 +72,11 @@ class GeneralStateMachine:
     """One transition per step at most; OFF2 goes before OFF3, OFF1 and disable operation (PD-114)."""
 
     def __init__(self) -> None:
-        self.state = AxisState.IDLE
+        self.reset()
 
     def reset(self) -> None:
         """Begin as after power-on (PD-096)."""
-        self.state = AxisState.IDLE
+        self._enter(AxisState.IDLE)
 
     @property
     def enabled(self) -> bool:
@@ -152,8 +152,16 @@ class GeneralStateMachine:
         return Action.NOTHING
 
     def _to(self, state: AxisState, action: Action = Action.NOTHING) -> Action:
-        self.state = state
+        self._enter(state)
         return action
+
+    def _enter(self, state: AxisState) -> None:
+        self.state = state
+        # At hand for the status words of every cycle.
+        self.number: int = state.number
+        """Number of the state in the trace."""
+        self.bits: int = state.bits
+        """ZSW1 & 0047h of the state."""
 
 
 __all__ = ["Action", "AxisState", "GeneralStateMachine", "Off"]

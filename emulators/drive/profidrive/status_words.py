@@ -125,8 +125,9 @@ class StatusWords:
     def _true_zsw1(self) -> int:
         if not self._data.controlled_cyclically:
             return 0
-        state = self._machine.state
-        word = state.bits | _REQUESTED
+        machine = self._machine
+        state = machine.state
+        word = machine.bits | _REQUESTED
         faults = self._faults
         off = faults.off | self._safety.off
         stw1 = self._data.stw1

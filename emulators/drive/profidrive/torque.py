@@ -53,7 +53,10 @@ class TorqueLimits:
         self._low_at = place("M_LIMIT_NEG")
         self.follows_telegram = self._momred_at >= 0 or self._add_at >= 0
         """Whether the telegram has words about torque."""
-        self._words: tuple[int, int, int, float] | None = None
+        self._words = (0, 0, 0)
+        """MOMRED, M_LIMIT_POS, M_LIMIT_NEG for which the limits in effect hold."""
+        self._stale = True
+        """The limits have to be formed whatever the words are."""
 
     def lead(self) -> None:
         """Let the words of the telegram act; in every bus cycle while there are pulses."""
@@ -67,7 +70,7 @@ class TorqueLimits:
 
     def renew(self) -> None:
         """Apply them although no word has changed: a parameter has, or the pulses have come."""
-        self._words = None
+        self._stale = True
         self.apply()
 
     def cap(
@@ -89,6 +92,7 @@ class TorqueLimits:
             self.injected_Nm = injected_Nm
         if current_Nm is not None:
             self.current_Nm = current_Nm
+        self._stale = True
         self.apply()
 
     def apply(self) -> None:
@@ -96,11 +100,12 @@ class TorqueLimits:
         row = self._data.row
         momred = row[self._momred_at] if self._momred_at >= 0 else 0
         high_word, low_word = (row[self._high_at], row[self._low_at]) if self._add_at >= 0 else (0, 0)
-        cap = min(self.protection_Nm, self.injected_Nm, self.current_Nm, self.clamping_Nm)
-        words = (momred, high_word, low_word, cap)
-        if words == self._words:
+        before = self._words
+        if not self._stale and momred == before[0] and high_word == before[1] and low_word == before[2]:
             return
-        self._words = words
+        self._words = (momred, high_word, low_word)
+        self._stale = False
+        cap = min(self.protection_Nm, self.injected_Nm, self.current_Nm, self.clamping_Nm)
         settings = self._settings
         high, low = (
             limit if share is None else 0.01 * share * settings.reference_torque_nm

@@ -893,7 +893,7 @@ class TechnologyAxis(TechnologyObject):
     def read_inputs(self) -> None:
         """Take over what has arrived, and what the program has assigned."""
         servo = self.servo
-        if self.variables.latch():
+        if self.variables.pending and self.variables.latch():
             self.motion.limits_assigned = True
             if self.leading_value is not None:
                 self._leading = self.leading_value.in_use()

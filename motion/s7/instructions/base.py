@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 from typing_extensions import override
 
 from fieldbus.errors import ConfigurationError, UnknownAttributeError, UnknownNameError
+from motion.kernel.execute_input import ExecuteInput
 from motion.s7.axis.jobs import ERROR_CONTROL_PANEL, ERROR_REFERENCE, NO_ERROR, Job, JobState
 from motion.s7.compatibility import check_instruction, level_of
 from motion.s7.instructions.texts import begun_text, ended_text, error_id_text, instance_text
@@ -47,8 +48,10 @@ class Instruction:
     inputs: ClassVar[dict[str, float]] = {}
     """Names and defaults of the inputs."""
     object_types: ClassVar[tuple[str, ...]] = ("SpeedAxis", "PositioningAxis")
-    Execute: bool = False
+    Execute = ExecuteInput()
     """Edge input of those that have one."""
+    execute_level: bool = False
+    on_execute_fall: Callable[[], object] | None = None
     master: object | None = None
     """The control panel that the instance belongs to; None = to the user program."""
 
@@ -202,7 +205,7 @@ class ExecuteInstruction(Instruction):
         raise NotImplementedError
 
     def _call(self) -> None:
-        execute = self.Execute
+        execute = self.execute_level
         rising = execute and not self._last_execute
         falling = self._last_execute and not execute
         self._last_execute = execute

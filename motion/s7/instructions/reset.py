@@ -30,7 +30,6 @@ class MC_Reset(Instruction):
         "MeasuringInput",
     )
     inputs: ClassVar[dict[str, float]] = {"Execute": False, "Restart": False}
-    Execute: bool
     Restart: bool
 
     def __init__(self, axis: Any, *, name: str | None = None, **inputs: float) -> None:
@@ -41,8 +40,8 @@ class MC_Reset(Instruction):
         super().__init__(axis, name=name, **inputs)
 
     def _call(self) -> None:
-        rising = self.Execute and not self._last_execute
-        self._last_execute = bool(self.Execute)
+        rising = self.execute_level and not self._last_execute
+        self._last_execute = bool(self.execute_level)
         if rising:
             self._begin()
         elif self._reset is not None:
@@ -55,7 +54,7 @@ class MC_Reset(Instruction):
                 self.Busy = False
                 self.Done = True
                 self._log("job.done")
-        elif not self.Execute:
+        elif not self.execute_level:
             self.Done = self.Error = False
             self.ErrorID = NO_ERROR
 

@@ -447,6 +447,41 @@ def test_seconds_to_ns(seconds, ns):
     assert seconds_to_ns(seconds) == ns
 
 
+def test_an_event_entered_again_by_itself_keeps_the_order_of_events():
+    """What is entered behind it goes before it where it is earlier, or has a lower priority at the same
+    instant; a run that ends before it, and an error, leave it for the next run.
+    """
+    scheduler = VirtualScheduler()
+    fired = []
+
+    def enter(name, time_ns, priority=0):
+        scheduler.at(time_ns, lambda: fired.append((name, scheduler.now)), priority=priority)
+
+    def fire():
+        fired.append(("itself", scheduler.now))
+        if scheduler.now == 10:
+            scheduler.again(timer, 20)
+            enter("behind", 20)
+            enter("in front", 20, -1)
+            enter("earlier", 15)
+        elif scheduler.now < 50:
+            scheduler.again(timer, scheduler.now + 15)
+
+    timer = scheduler.at(10, fire)
+    enter("last", 1000)
+    scheduler.run_for(30)
+    assert fired == [("itself", 10), ("earlier", 15), ("in front", 20), ("itself", 20), ("behind", 20)]
+    assert scheduler.next_due_ns == 35
+    fired.clear()
+    scheduler.at(40, lambda: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        scheduler.run_for(100)
+    assert scheduler.next_due_ns == 50
+    timer.cancel()
+    scheduler.run_for(1000)
+    assert fired == [("itself", 35), ("last", 1000)]
+
+
 def test_an_event_that_has_fired_can_be_entered_again():
     """A handle that has fired serves again, fires behind what was entered before it, and can be cancelled."""
     scheduler = VirtualScheduler()

@@ -51,6 +51,16 @@ class ReferenceScheduler:
             due += period_ns
         return self._enter(due, priority, callback, period_ns)
 
+    def again(self, timer, time_ns):
+        timer.due = time_ns
+        timer.alive = True
+        self.entered.remove(timer)
+        self.entered.append(timer)
+
+    @property
+    def next_due_ns(self):
+        return min((timer.due for timer in self.entered if timer.alive), default=None)
+
     def run_for(self, duration):
         end = self.now + duration
         while True:
@@ -83,7 +93,7 @@ class Step:
 def steps(inner):
     return st.builds(
         Step,
-        kind=st.sampled_from(["at", "after", "every", "cancel"]),
+        kind=st.sampled_from(["at", "after", "every", "again", "again", "cancel"]),
         time=st.integers(0, 12),
         phase=st.integers(0, 12),
         priority=st.integers(-1, 1),
@@ -103,11 +113,14 @@ def execute(scheduler, program):
     """Run `program` and return the log of firings: (number of the timer, time)."""
     timers = []
     log = []
+    cancelled = set()
 
     def enter(step):
         if step.kind == "cancel":
             if timers:
-                timers[step.target % len(timers)].cancel()
+                number = step.target % len(timers)
+                timers[number].cancel()
+                cancelled.add(number)
             return
         number = len(timers)
 
@@ -115,11 +128,15 @@ def execute(scheduler, program):
             log.append((number, scheduler.now))
             # enough for every interleaving, and it ends
             if len(log) < 400:
+                if step.kind == "again" and number not in cancelled:
+                    scheduler.again(timers[number], scheduler.now + step.phase)
                 for inner in step.inner:
                     enter(inner)
+                if not step.target % 5:
+                    log.append(("next", scheduler.next_due_ns or 0))
 
         timers.append(None)
-        if step.kind == "at":
+        if step.kind in ("at", "again"):
             timers[number] = scheduler.at(scheduler.now + step.time, fire, priority=step.priority)
         elif step.kind == "after":
             timers[number] = scheduler.after(step.time, fire, priority=step.priority)
@@ -139,12 +156,12 @@ def execute(scheduler, program):
 
 @given(programs)
 def test_fires_like_the_reference(program):
-    """Any interleaving of at, after, every and cancel, from in- and outside of callbacks, fires like the
-    reference.
+    """Any interleaving of at, after, every, again and cancel, from in- and outside of callbacks, fires like
+    the reference, and what is due next is the same.
     """
     log = execute(VirtualScheduler(), program)
     assert log == execute(ReferenceScheduler(), program)
-    times = [time for _, time in log]
+    times = [time for number, time in log if number != "next"]
     assert times == sorted(times)
 
 

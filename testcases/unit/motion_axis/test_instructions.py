@@ -51,6 +51,31 @@ def test_done_is_held_with_execute(rig):
     assert outputs(move) == (False, False, False, False)
 
 
+def test_ended_instances_are_not_called(rig):
+    """A program does not grow with the jobs that have ended: they are called again when Execute falls."""
+    rig.enabled()
+    first = rig.axis.move_relative(1.0)
+    rig.until(first.done)
+    for _ in range(9):
+        rig.until(rig.axis.move_relative(1.0).done)
+    instances = rig.runtime.instances
+    assert len(rig.runtime.program) <= 3
+    assert len(instances) >= 10
+    first.set(Execute=False)
+    first.set(Execute=True)  # between two calls: there is no edge
+    rig.cycles(2)
+    assert first.Done
+    assert len(rig.runtime.program) <= 3
+    first.set(Execute=False)
+    rig.cycles(1)
+    assert not first.Done
+    first.set(Execute=True)
+    rig.cycles(1)
+    assert first.Busy
+    rig.until(first.done)
+    assert set(rig.runtime.instances) == set(instances)
+
+
 @pytest.mark.requirement("MC-079", "OVR-001", "OVR-014", "MC-062")
 def test_overridden_job_shows_command_aborted(rig):
     """The job that another one takes over from shows CommandAborted and holds it while Execute is TRUE."""

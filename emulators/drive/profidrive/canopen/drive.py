@@ -121,7 +121,7 @@ class ProfidriveCanDrive(DriveOnBus):
         """Return the present values of `trace_columns`; position and velocity
         are those of the true mechanics.
         """
-        return self._trace_values(self.slave.nmt_state)
+        return self._trace_values((self.slave.nmt_state,))
 
     # -- life ------------------------------------------------------------------------------------------
 

@@ -69,7 +69,8 @@ class FaultState:
     @property
     def warning_number(self) -> int:
         """Number of the oldest present warning, 0 = none (PD-043)."""
-        return next(iter(self.warnings), 0)
+        warnings = self.warnings
+        return next(iter(warnings)) if warnings else 0
 
     @property
     def fault_code(self) -> int:
