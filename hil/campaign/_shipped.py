@@ -83,6 +83,7 @@ SHIPPED: Final = (
     ShippedCampaign("fault_ends", seeding=("own", f"{PACKAGE}.fault_ends:GUARDED", "analog", "stepper")),
     ShippedCampaign("eds_files", seeding=("own",)),
     ShippedCampaign("time_and_logs", seeding=("own",)),
+    ShippedCampaign("bus_parts", seeding=("own",)),
     ShippedCampaign("can_bus", seeding=("own",)),
     ShippedCampaign("can_traffic", seeding=("own",)),
     ShippedCampaign("can_adapter", seeding=("own",)),
