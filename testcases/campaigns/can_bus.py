@@ -454,6 +454,32 @@ def bus_off(ctx: CaseContext, recovery: str) -> None:
     equal(ctx, "receive counter of the other after a good frame", segment["b"].rec, 31, "CANP-052")
 
 
+@CAMPAIGN.case("confinement/bus-off-again", requirements=("CANP-055",))
+def bus_off_again(ctx: CaseContext) -> None:
+    """Every recovery needs its own 128 sequences: what was counted between the frames of others the last time
+    does not count again, whether that recovery has ended or was interrupted by switching off.
+    """
+    segment = Segment(ctx, "abc", auto_recovery=True)
+    a, b = segment["a"], segment["b"]
+    for interrupted in (False, True):
+        a.set_error_counters(tec=256)
+        for _ in range(5):
+            segment.run_us(210)
+            b.send(FRAME)
+        if interrupted:
+            a.online = False
+            segment.run_us(300)
+            a.online = True
+            segment.run_us(300)
+        else:
+            ctx.wait_until(lambda: a.state is ACTIVE, 0.1, "a is back")
+        segment.run_us(2_000)
+        a.set_error_counters(tec=256)
+        off = segment.scheduler.now
+        ctx.wait_until(lambda: a.state is ACTIVE, 0.1, "a is back once more")
+        equal(ctx, "recovery, bits", (segment.scheduler.now - off) / US, 1408, "CANP-055", within=11)
+
+
 @CAMPAIGN.case("confinement/counters", requirements=("CANP-052", "CANP-053", "CANP-054", "CANP-059"))
 def counters(ctx: CaseContext) -> None:
     """State and warning by the counters at each of their borders; a good frame takes one off, and from above

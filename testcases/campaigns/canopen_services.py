@@ -398,6 +398,17 @@ def node_guarding(ctx: CaseContext) -> None:
     ctx.wait_until(lambda: node.times(0x80 + NODE), 1.0, "the EMCY comes")
     node.equal("life time, s", node.times(0x80 + NODE)[0] - begun, 0.06, "C301-029", within=0.003)
     node.equal("EMCY 8130h", node.taken(0x80 + NODE)[0][:2] == b"\x30\x81", 1)
+    master.send_remote(0x700 + NODE, 1)
+    ctx.run_for(0.02)
+    node.nmt(NmtCommand.RESET_COMMUNICATION)
+    ctx.run_for(0.05)
+    answers = []
+    for _ in range(2):
+        node.taken(0x700 + NODE)
+        master.send_remote(0x700 + NODE, 1)
+        ctx.run_for(0.005)
+        answers += node.taken(0x700 + NODE)
+    node.equal("toggle bits after the reset", [a[0] for a in answers] == [0x7F, 0xFF], 1, "C301-028")
 
 
 @CAMPAIGN.case("emcy", requirements=("C301-109", "C301-111", "C301-112"))
@@ -626,6 +637,33 @@ def rpdo_timeout(ctx: CaseContext, time_ms: int) -> None:
     node.send(0x200 + NODE, words(0x06) + number(1))
     ctx.run_for(0.01)
     node.equal("EMCY 0000h", node.taken(0x80 + NODE)[-1][:2] == b"\0\0", 1, "C301-049")
+
+
+@CAMPAIGN.case("rpdo/two-missing", requirements=("C301-049", "C301-109"))
+def two_missing(ctx: CaseContext) -> None:
+    """The error of overdue RPDOs comes once, and ends with the last of them that has come, in either
+    order.
+    """
+    node = mapped(ctx, 255)
+    data = {1: words(0x06) + number(1), 2: number(0)}
+    node.map_pdo(1, (0x60400010, 0x607A0020), 255, transmit=False)
+    node.map_pdo(2, (0x60FF0020,), 255, transmit=False)
+    for one, time_ms in ((1, 20), (2, 30)):
+        node.write(0x1400 + one - 1, time_ms, 5)
+    node.nmt(NmtCommand.START)
+    for order in ((1, 2), (2, 1)):
+        for one in order:
+            node.send(0x100 + 0x100 * one + NODE, data[one])
+        ctx.run_for(0.01)
+        node.taken(0x80 + NODE)
+        ctx.run_for(0.05)
+        found = [one[:2].hex() for one in node.taken(0x80 + NODE)]
+        node.equal(f"EMCYs of two that are missing {found}", found == ["5082"], 1, "C301-049")
+        for one, wanted in zip(order, ([], ["0000"]), strict=True):
+            node.send(0x100 + 0x100 * one + NODE, data[one])
+            ctx.run_for(0.002)
+            found = [one[:2].hex() for one in node.taken(0x80 + NODE)]
+            node.equal(f"EMCYs when RPDO{one} has come {found}", found == wanted, 1, "C301-109")
 
 
 MAPPING: Final[dict[str, tuple[int, int, int, int]]] = {
@@ -871,13 +909,17 @@ def sync_counter(ctx: CaseContext, start: int) -> None:
     node.write(0x1800, 2, 2)
     node.write(0x1800, start, 6)
     node.write(0x1800, 0x180 + NODE, 1)
-    node.nmt(NmtCommand.START)
-    node.taken(0x180 + NODE)
-    came = []
-    for counter in range(1, 9):
-        node.send(0x80, bytes((counter,)))
-        ctx.run_for(0.004)
-        if node.taken(0x180 + NODE):
-            came.append(counter)
-    wanted = [3, 5, 7] if start else [2, 4, 6, 8]
-    node.equal(f"SYNCs {came} are {wanted}", came == wanted, 1, "C301-050")
+    for counters, wanted in (
+        (range(1, 9), [3, 5, 7] if start else [2, 4, 6, 8]),
+        ((9, 10, *range(1, 8)), [3, 5, 7] if start else [10, 2, 4, 6]),
+    ):
+        node.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
+        node.nmt(NmtCommand.START)
+        node.taken(0x180 + NODE)
+        came = []
+        for counter in counters:
+            node.send(0x80, bytes((counter,)))
+            ctx.run_for(0.004)
+            if node.taken(0x180 + NODE):
+                came.append(counter)
+        node.equal(f"SYNCs {came} are {wanted}", came == wanted, 1, "C301-050")

@@ -246,6 +246,14 @@ def queue(ctx: CaseContext) -> None:
     node.equal(f"EMCYs {codes}", codes[:1] == [0], 1, "C402-099")
     node.control(0x0F, 0.02)
     node.bits(0x1080, 0, "C402-041")
+    # The warning goes with the mode, too.
+    node.write(0x60C1, 4 * STEP, 1)
+    node.control(0x1F, 0.1)
+    node.bits(0x80, 0x80, "C402-041")
+    node.write(0x6060, 1)
+    ctx.run_for(0.01)
+    node.bits(0x80, 0, "C402-041")
+    node.shows(0x2100, 0, signed=False)
 
 
 @CAMPAIGN.case("ip/ring", requirements=("C402-172", "C402-255"))
@@ -309,17 +317,17 @@ def interrupted(ctx: CaseContext) -> None:
 
 @CAMPAIGN.product(
     "following-error/{ms}",
-    parameters={"ms": (0, 20, 40)},
-    title="following error for {ms} ms",
+    parameters=[{"ms": 0, "sign": 1}, {"ms": 20, "sign": -1}, {"ms": 40, "sign": 1}],
+    title="following error for {ms} ms, to the side {sign}",
     requirements=("C402-047", "C402-153", "C402-155"),
 )
-def following(ctx: CaseContext, ms: int) -> None:
+def following(ctx: CaseContext, ms: int, sign: int) -> None:
     """Beyond 6065h for 6066h the drive trips with 8611h, not before; a shorter one does nothing."""
     node = drive(ctx)
     node.configure({0x6065: 100, 0x6066: ms})
     node.enable(1)
     node.listen(0x80 + NODE)
-    node.write(0x607A, 20 * REV)
+    node.write(0x607A, 20 * sign * REV)
     node.control(0x1F, 0.3)
     node.bits(0x2000, 0, "C402-047")
     if ms:

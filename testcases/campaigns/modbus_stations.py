@@ -121,6 +121,10 @@ EXCHANGES: Final = (
     ("06 000A 3600", "06 000A 3600"),
     ("16 000A F0F0 0F0F", "16 000A F0F0 0F0F"),
     ("03 000A 0001", "03 02 3F0F"),
+    ("06 000A 0012", "06 000A 0012"),
+    ("16 000A 00F2 0025", "16 000A 00F2 0025"),
+    ("03 000A 0001", "03 02 0017"),
+    ("06 000A 3F0F", "06 000A 3F0F"),
     ("16 0009 FFFF 0000", "96 02"),
     ("16 000A FFFF", "96 03"),
     ("17 000A 0002 000B 0001 02 0064", "17 04 3F0F 0064"),
@@ -551,12 +555,18 @@ def inputs(ctx: CaseContext) -> None:
         channel.set(False)
         ctx.run_for(0.01)
         equal(ctx, "seen afterwards", channel.value, 0)
-    for _ in range(4):
-        station.input(2).set(True)
-        ctx.run_for(0.002)
-        station.input(2).set(False)
-        ctx.run_for(0.001)
-    equal(ctx, "bouncing is seen", station.input(2).value, 0)
+    bouncing = station.input(2)
+    for rests in (False, True):
+        bouncing.set(rests)
+        ctx.run_for(0.004)
+        for away_s, back_s in ((0.002, 0.001), (0.0025, 0.0004), (0.0014, 0.0015)):
+            for _ in range(4):
+                bouncing.set(not rests)
+                ctx.run_for(away_s)
+                equal(ctx, "bouncing is seen", bouncing.value, rests)
+                bouncing.set(rests)
+                ctx.run_for(back_s)
+                equal(ctx, "bouncing is seen", bouncing.value, rests)
     station.input(17).set(True)
     equal(ctx, "without filter at once", station.input(17).value, 1)
     for number, quantity, word in ANALOG:

@@ -209,6 +209,27 @@ def errors(ctx: CaseContext) -> None:
         equal(ctx, f"fault with {word:04X}h", rig.zsw1 & 8, fault, "PTO-052")
 
 
+@CAMPAIGN.case("captures/again", requirements=("PTO-249",))
+def captured_again(ctx: CaseContext) -> None:
+    """A function that is started again forgets the value that it has found and that nobody has read."""
+    for direction in (1, -1):
+        rig = moving(0.2 * direction, use_mi=True, input_delay_ms=0.004)
+        rig.channel.drive_input("MI", False)
+        rig(cycles=2)
+        for latched in (True, False):
+            rig(g1=0x0091, cycles=2)
+            equal(ctx, "active", rig.got["G1_ZSW"] & 0x000F, 1, "PTO-249")
+            if latched:
+                rig.channel.drive_input("MI", True)
+                rig(cycles=3)
+                equal(ctx, "active behind the edge", rig.got["G1_ZSW"] & 0x000F, 0, "PTO-249")
+                rig.channel.drive_input("MI", False)
+                rig(g1=0x0081, cycles=2)
+        rig(g1=0x0081, cycles=2)
+        rig(g1=0x00A1, cycles=2)
+        equal(ctx, "values shown", rig.got["G1_ZSW"] & 0x00F0, 0, "PTO-249")
+
+
 @CAMPAIGN.case("sign-of-life", requirements=("PTO-038", "PTO-127", "PTO-196"))
 def sign_of_life(ctx: CaseContext) -> None:
     """Left at 0 it is not watched; from then on it has to count 1 to 15; a telegram that stays away stops the
@@ -221,6 +242,12 @@ def sign_of_life(ctx: CaseContext) -> None:
         rig.stw2 = ((sign - 1) % 15 + 1) << 12
         rig()
         equal(ctx, "code while it counts", rig.code, 0, "PTO-038")
+    # Errors that do not come one after the other are tolerated, however many there are.
+    for sign in range(3, 13):
+        for _ in range(2):
+            rig.stw2 = sign << 12
+            rig()
+            equal(ctx, "code with every second one wrong", rig.code, 0, "PTO-127")
     rig(cycles=3)
     equal(ctx, "code when it stands", rig.code, 0xF02, "PTO-127")
     same(ctx, "state and frequency", (rig.channel.state, round(rig.hertz)), (S4, 10_000), "PTO-127")
