@@ -75,6 +75,7 @@ SHIPPED: Final = (
     ShippedCampaign("canopen_device", seeding=("own",)),
     ShippedCampaign("device_objects", seeding=("own",)),
     ShippedCampaign("device_again", seeding=("own",)),
+    ShippedCampaign("as_new", seeding=("own",)),
     ShippedCampaign("machine_law", seeding=("own",)),
     ShippedCampaign("machine_parts", seeding=("own",)),
     ShippedCampaign("servo_core", seeding=("own",)),

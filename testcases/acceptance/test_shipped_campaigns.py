@@ -19,6 +19,7 @@ from reports.model import Verdict
 from testcases.campaigns import (
     ads_device,
     analog_drive,
+    as_new,
     axis_borders,
     axis_configurations,
     axis_faults,
@@ -251,7 +252,7 @@ def bench_file(name):
         *some(CAN_BUS, "cia402", [can_traffic.CAMPAIGN, canopen_master.CAMPAIGN]),
         *some(CAN_BUS, "cia402", [eds_files.CAMPAIGN, time_and_logs.CAMPAIGN]),
         *some(CAN_BUS, "cia402", [device_settings.CAMPAIGN, machine_parts.CAMPAIGN, servo_core.CAMPAIGN]),
-        *some(CAN_BUS, "cia402", [drive_parts.CAMPAIGN]),
+        *some(CAN_BUS, "cia402", [drive_parts.CAMPAIGN, as_new.CAMPAIGN]),
         *some(CAN_BUS, "cia402", [cia402_options.CAMPAIGN, vendor_drives.CAMPAIGN, bus_parts.CAMPAIGN]),
         *some(CAN_BUS, "profidrive", [profidrive_options.CAMPAIGN, profidrive_facts.CAMPAIGN]),
         *some(CAN_BUS, "cia402", [modbus_stations.CAMPAIGN, ads_device.CAMPAIGN, analog_drive.CAMPAIGN]),

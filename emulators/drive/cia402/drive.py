@@ -360,6 +360,7 @@ class CiA402Drive(MainsDrive):
             self.axis.home_shift = 0
         self.axis.synchronised = False
         self.axis.missing_count = 0
+        self.axis.fresh = self.axis.supervised = False
         restore_buffer(self.function.interpolation)
         self.axis.primed = False
         self.faults.clear()
