@@ -100,8 +100,13 @@ def _check(
     )
 
 
+_OF_A_JOB: Final = frozenset({"job.active", "job.in_velocity", "job.synchronous", "job.done", "job.aborted"})
+"""Events that only a job has that was taken; one that is refused has an error at once."""
+
+
 def check_job_outputs(trace: Trace) -> list[Check]:
-    """No execution of an instruction ends in two of Done, CommandAborted and Error (MC-071).
+    """No execution of an instruction ends in two of Done, CommandAborted and Error (MC-071); each begins
+    before it is active, reaches a velocity, or ends.
 
     An instance that is started again while it is busy aborts its own job, and shows nothing of that (MC-069).
     """
@@ -114,7 +119,14 @@ def check_job_outputs(trace: Trace) -> list[Check]:
     for name, entries in jobs.items():
         end: Event | None = None
         busy = superseded = False
+        begun = 0
         for entry in entries:
+            if entry.kind == "job.started":
+                begun += 1
+            elif entry.kind in _OF_A_JOB and begun <= 0:
+                problems.append((entry.time_ns * 1e-9, f"{name}: {entry.kind}, and has not begun"))
+            elif entry.kind in _ENDS:
+                begun -= 1
             if entry.kind == "job.started":
                 end = None
                 superseded, busy = busy, True
