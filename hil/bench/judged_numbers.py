@@ -7,6 +7,7 @@ device makes of it.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final
 
 from hil.bench.drive_config import (
@@ -159,6 +160,13 @@ def numbers_of_drive(section: DriveTable, bench: BenchTable) -> dict[str, float]
         }
         if machine.gravity_n:
             numbers["gravity_n"] = machine.gravity_n
+        force_per_torque = math.tau * machine.gear_ratio / (machine.lead_screw_mm / 1000.0)
+        inertia_kgm2 = machine.motor_inertia_kgm2 + machine.load_at_motor_kgm2
+        numbers |= {
+            "moved_kg": inertia_kgm2 * force_per_torque**2,
+            "coulomb_friction_n": machine.coulomb_friction_n,
+            "viscous_friction_n_per_m_s": machine.viscous_friction_n_per_m_s,
+        }
         stops_mm = {"negative_stop": machine.negative_stop_mm, "positive_stop": machine.positive_stop_mm}
         numbers |= {side: stop_mm / 1000.0 for side, stop_mm in stops_mm.items() if stop_mm is not None}
     return numbers

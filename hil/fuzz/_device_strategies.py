@@ -35,7 +35,7 @@ _STW1: Final = (
 """Control words of PROFIdrive: off, operation, acknowledge, OFF2, OFF3, operation inhibited, ramp off, ramp
 frozen, setpoint off, jogging.
 """
-_CONTROL_WORD, _MODE = 0x6040, 0x6060
+CONTROL_WORD, MODE = 0x6040, 0x6060
 _MOTION: Final = range(0x6042, 0x6100)
 """Objects that rule how a drive moves."""
 
@@ -149,10 +149,10 @@ def _of_node(node: Node) -> list[SearchStrategy[Step]]:
     ]
     motion = [one for one in writable if one.index in _MOTION]
     if node.servo:
-        control = st.sampled_from(_CONTROL).map(lambda one: _object(node, _CONTROL_WORD, _number(one, 2)))
+        control = st.sampled_from(_CONTROL).map(lambda one: written(node, CONTROL_WORD, one, 2))
         found += [control, control]
-        if any(one.index == _MODE for one in writable):
-            found.append(st.sampled_from(_MODES).map(lambda one: _object(node, _MODE, _number(one, 1))))
+        if any(one.index == MODE for one in writable):
+            found.append(st.sampled_from(_MODES).map(lambda one: written(node, MODE, one, 1)))
         found += [_any_write(node, motion)] * 3
     return found
 
@@ -163,8 +163,9 @@ def _any_write(node: Node, entries: Sequence[Entry]) -> SearchStrategy[Step]:
     )
 
 
-def _object(node: Node, index: int, data: str) -> Step:
-    return Do("sdo_write", {"device": node.name, "index": index, "data": data})
+def written(node: Node, index: int, number: int, size: int) -> Step:
+    """Return a step that writes a number of so many bytes to an object."""
+    return Do("sdo_write", {"device": node.name, "index": index, "data": _number(number, size)})
 
 
 def _of_server(server: Server) -> list[SearchStrategy[Step]]:
@@ -231,7 +232,7 @@ def device_preamble(devices: Devices) -> tuple[Step, ...]:
             found.append(Do("nmt", {"device": node.name, "command": "START"}))
             if node.servo:
                 found.append(Do("sync", {"device": node.name}))
-                found += [_object(node, _CONTROL_WORD, _number(one, 2)) for one in (0x06, 0x07, 0x0F)]
+                found += [written(node, CONTROL_WORD, one, 2) for one in (0x06, 0x07, 0x0F)]
     for value in (0x047E, 0x047F):
         found += [Do("signal", {"device": led.name, "name": "STW1", "value": value}) for led in devices.led]
         if devices.led:

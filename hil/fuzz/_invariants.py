@@ -11,7 +11,8 @@ from typing import Final, Protocol
 
 from fieldbus.history import Event
 
-_OUTPUTS: Final = ("Done", "Error", "CommandAborted")
+_OUTPUTS: Final = ("Busy", "Done", "Error", "CommandAborted")
+_ENDS: Final = _OUTPUTS[1:]
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Invariant(Protocol):
 
 
 class OneJobOutput(Invariant):
-    """No instance shows two of Done, Error, CommandAborted."""
+    """No instance shows two of Busy, Done, Error, CommandAborted."""
 
     name = "one job output"
     requirements = ("MC-071",)
@@ -69,6 +70,63 @@ class OneJobOutput(Invariant):
         return ""
 
 
+class OutputsAgree(Invariant):
+    """Outputs of an instance do not contradict each other.
+
+    Args:
+        jobs: Handles of the instances of the program.
+
+    """
+
+    name = "outputs of an instance"
+    requirements = ("MC-072", "MC-073")
+
+    def __init__(self, jobs: list[NamedJob]) -> None:
+        self._jobs = jobs
+
+    def cycle(self) -> str:
+        """Look at the outputs of all instances of the program."""
+        for job in self._jobs:
+            if getattr(job, "Active", False) and not getattr(job, "Busy", True):
+                return f"{job.name} shows Active without Busy"
+            error = bool(getattr(job, "Error", False))
+            if bool(getattr(job, "ErrorID", error)) is not error:
+                return f"{job.name} shows Error = {error} with another ErrorID"
+        return ""
+
+
+class OutputsHeld(Invariant):
+    """What an instance shows at its end stays until `Execute` falls.
+
+    Args:
+        jobs: Handles of the instances of the program.
+
+    """
+
+    name = "outputs held"
+    requirements = ("MC-066",)
+
+    def __init__(self, jobs: list[NamedJob]) -> None:
+        self._jobs = jobs
+        self._shown: dict[int, str] = {}
+
+    def cycle(self) -> str:
+        """Compare the outputs of all instances of the program with those of the last cycle."""
+        for number, job in enumerate(self._jobs):
+            now = next((name for name in _ENDS if getattr(job, name, False)), "")
+            before = self._shown.get(number, "")
+            self._shown[number] = now
+            if (
+                before
+                and now != before
+                and getattr(job, "Execute", False)
+                and not getattr(job, "Busy", False)
+            ):
+                return f"{job.name} does not show {before} any more, and Execute is TRUE"
+        return ""
+
+
 def default_invariants(_bench: object) -> list[Invariant]:
     """Return the invariants that every search asks."""
-    return [OneJobOutput()]
+    one = OneJobOutput()
+    return [one, OutputsAgree(one.jobs), OutputsHeld(one.jobs)]

@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Final
 
 from hypothesis import strategies as st
 
+from hil.fuzz._choices import whole
 from hil.fuzz._configuration import MACHINE, Configuration
 from hil.fuzz._device_strategies import device_preamble, device_steps
 from hil.fuzz._devices import Devices
+from hil.fuzz._phrases import phrases
 from hil.fuzz._program import (
     Do,
     ObjectWithoutMotion,
@@ -22,6 +24,7 @@ from hil.fuzz._program import (
     Program,
     Step,
     Variable,
+    Wait,
     is_own,
     job_names,
     objects_of,
@@ -111,7 +114,17 @@ class Machine:
             preamble=self.preamble(),
             configurations=configurations,
             others=self._others(),
+            phrases=self._phrases(calm=False),
+            calm_phrases=self._phrases(calm=True),
         )
+
+    def _phrases(self, *, calm: bool) -> SearchStrategy[tuple[Step, ...]] | None:
+        own = phrases(self.jobs, self.axes, self.devices, calm=calm)
+        others = self._others()
+        if own is None or not calm or not others:
+            return own
+        one = st.tuples(st.one_of([whole(other) for other in others]), st.just(Wait(0.1)))
+        return st.one_of(whole(own), whole(own), whole(one))
 
     def _others(self) -> list[SearchStrategy[Step]]:
         return [

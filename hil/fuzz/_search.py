@@ -20,6 +20,7 @@ from hil._interrupt import end_with_parent
 from hil.campaign import load_bench_file
 from hil.campaign._worker import bench_of
 from hil.errors import CannotRunError
+from hil.fuzz._choices import whole
 from hil.fuzz._configuration import MACHINE, bench_file_of
 from hil.fuzz._configuration_strategies import configurations
 from hil.fuzz._invariants import Violation, default_invariants
@@ -31,8 +32,6 @@ from hil.fuzz._strategies import UNCHANGED, descendants
 from reports.model import Verdict
 
 if TYPE_CHECKING:
-    from hypothesis.strategies import SearchStrategy
-
     from hil.bench.bench import Bench
     from hil.protocols import BenchFile
 
@@ -317,7 +316,7 @@ def _do(
     changes = configurations(bench_file_of(bench_file).config) if order.configurations else UNCHANGED
     strategy = order.machine.programs(order.longest, changes)
     if order.machines:
-        strategy = st.one_of(_whole(strategy), _whole(on_machines(order.machines, order.longest)))
+        strategy = st.one_of(whole(strategy), whole(on_machines(order.machines, order.longest)))
     if order.parents:
         step = order.machine.steps()
         longest = order.longest + len(order.machine.preamble())
@@ -344,13 +343,6 @@ def _do(
         warnings.simplefilter("ignore", HypothesisWarning)
         hypothesis.seed(order.seed)(run)()
     return attempt.finish()
-
-
-def _whole(strategy: SearchStrategy[Program]) -> SearchStrategy[Program]:
-    """Return a strategy that counts as one choice in `one_of`, whatever it chooses from itself."""
-    from hypothesis import strategies as st
-
-    return st.tuples(strategy).map(lambda drawn: drawn[0])
 
 
 class _Attempt:

@@ -14,6 +14,7 @@ from hypothesis.strategies import SearchStrategy
 from hil.faults import CATALOGUE, Fault, Parameter
 from hil.faults._kind import environment
 from hil.faults.seams import missing
+from hil.fuzz._choices import whole
 from hil.fuzz._configuration import Configuration
 from hil.fuzz._device_jobs import DEVICE_JOBS
 from hil.fuzz._nc_jobs import NC_JOBS, WRITE
@@ -77,7 +78,7 @@ def _nc_jobs(masters: Sequence[str] = ()) -> SearchStrategy[Step]:
     """Return instructions of an NC axis; with `masters` those of a coupled one besides."""
     blocks = [_job(name, **inputs) for name, inputs in block_inputs(masters).items()]
     write = parameter_values().map(lambda values: Do(WRITE, values))
-    return st.one_of([*blocks, _job(REMOVE_FAULTS), _whole(write), _whole(write)])
+    return st.one_of([*blocks, _job(REMOVE_FAULTS), whole(write), whole(write)])
 
 
 def _jobs(names: Sequence[str]) -> SearchStrategy[Step]:
@@ -185,17 +186,17 @@ def _with_inputs(name: str, step: SearchStrategy[Step], most: int = 2) -> Search
 
 def object_steps(objects: Sequence[ObjectWithoutMotion]) -> SearchStrategy[Step]:
     """Return instructions of technology objects that are no axes."""
-    return _whole(st.one_of([_whole(_of_object(one)) for one in objects if one.jobs]))
+    return whole(st.one_of([whole(_of_object(one)) for one in objects if one.jobs]))
 
 
 def _of_object(one: ObjectWithoutMotion) -> SearchStrategy[Step]:
     jobs = st.one_of([*(_derived(job) for job in one.jobs), _held(one.jobs)])
-    return _whole(jobs).map(lambda step: replace(step, axis=one.name) if isinstance(step, Do) else step)
+    return whole(jobs).map(lambda step: replace(step, axis=one.name) if isinstance(step, Do) else step)
 
 
 def assignments(variables: Sequence[Variable]) -> SearchStrategy[Step]:
     """Return assignments of the user program to variables of axes."""
-    return _whole(
+    return whole(
         st.sampled_from(list(variables)).flatmap(
             lambda one: st.sampled_from(one.values).map(
                 lambda value: Do(ASSIGN, {"path": one.path, "value": value}, one.axis)
@@ -240,23 +241,16 @@ def _synchronous(leaders: Sequence[str], cams: Sequence[str]) -> SearchStrategy[
     return st.one_of([_with_inputs(name, _job(name, **known[name])) for name in SYNCHRONOUS if name in known])
 
 
-def _whole(strategy: SearchStrategy[Step]) -> SearchStrategy[Step]:
-    """Return a strategy that counts as one choice in `one_of`, whatever it chooses from itself; a mapped one
-    counts as all of its own.
-    """
-    return st.tuples(strategy).map(lambda drawn: drawn[0])
-
-
 def _of_axis(one: Participant) -> SearchStrategy[Step]:
     """Return instructions of one of several axes; of one that may follow others half of them belong to
     that.
     """
     if WRITE in one.jobs:
-        jobs = _whole(_nc_jobs(one.leaders))
+        jobs = whole(_nc_jobs(one.leaders))
         return jobs.map(lambda step: replace(step, axis=one.axis) if isinstance(step, Do) else step)
-    own = _whole(_jobs(one.jobs))
-    jobs = st.one_of(own, _whole(_synchronous(one.leaders, one.cams))) if one.leaders else own
-    return _whole(jobs).map(lambda step: replace(step, axis=one.axis) if isinstance(step, Do) else step)
+    own = whole(_jobs(one.jobs))
+    jobs = st.one_of(own, whole(_synchronous(one.leaders, one.cams))) if one.leaders else own
+    return whole(jobs).map(lambda step: replace(step, axis=one.axis) if isinstance(step, Do) else step)
 
 
 def _aimed(step: Step, one: Participant) -> Step:
@@ -411,7 +405,9 @@ def fault_kinds(bench: Bench) -> list[str]:
     segment = bench.segment()
     on_modbus = isinstance(segment, ModbusSegment)
     line = isinstance(segment, ModbusSegment) and segment.kind == "modbus_rtu"
-    led_by_telegram = isinstance(bench, Bench) and hasattr(bench.port(), "actual_seam")
+    # Axes of an NC may have drives by analog outputs alone: then there is no port.
+    ports = bench.ports.by_name if isinstance(bench, Bench) else {}
+    led_by_telegram = hasattr(next(iter(ports.values()), None), "actual_seam")
     return [
         entry.name
         for entry in CATALOGUE
@@ -457,16 +453,16 @@ def steps(
     # to come together.
     found = [waits]
     if axes:
-        given = _whole(st.one_of([_of_axis(one) for one in axes]))
-        found += [given, _whole(given)]
+        given = whole(st.one_of([_of_axis(one) for one in axes]))
+        found += [given, whole(given)]
     elif jobs:
-        found += [_whole(_jobs(jobs)), _whole(_jobs(jobs))]
+        found += [whole(_jobs(jobs)), whole(_jobs(jobs))]
     if kinds:
-        faults = _whole(st.one_of([_fault(kind, ids) for kind in kinds]))
+        faults = whole(st.one_of([_fault(kind, ids) for kind in kinds]))
         found.append(st.builds(_aimed, faults, st.sampled_from(list(axes))) if axes else faults)
     if others:
-        more = _whole(st.one_of([_whole(one) for one in others]))
-        found += [more] if jobs else [more, _whole(more), _whole(more)]
+        more = whole(st.one_of([whole(one) for one in others]))
+        found += [more] if jobs else [more, whole(more), whole(more)]
     return st.one_of(found)
 
 
@@ -480,8 +476,10 @@ def programs(
     preamble: Sequence[Step] | None = None,
     configurations: SearchStrategy[Configuration] = UNCHANGED,
     others: Sequence[SearchStrategy[Step]] = (),
+    phrases: SearchStrategy[tuple[Step, ...]] | None = None,
+    calm_phrases: SearchStrategy[tuple[Step, ...]] | None = None,
 ) -> SearchStrategy[Program]:
-    """Return a strategy of programs.
+    """Return a strategy of programs: of single steps and phrases, or of phrases alone, without a fault.
 
     Args:
         kinds: Fault kinds, as of `fault_kinds`.
@@ -492,16 +490,36 @@ def programs(
         preamble: Steps that every program begins with; None: as of `preamble_of`.
         configurations: What is laid over the bench file, as of `configurations`; none by default.
         others: As of `steps`.
+        phrases: Several steps that make sense together, as of `hil.fuzz._phrases.phrases`; they are put in
+            among the single ones.
+        calm_phrases: Those of programs that have no fault; None: there are no such programs.
 
     """
-    step = steps(kinds, ids, jobs, axes, others)
     if preamble is None:
         preamble = preamble_of(axes, jobs)
+    one = steps(kinds, ids, jobs, axes, others).map(lambda step: (step,))
+    begin = tuple(preamble)
+
+    # Without a fault nothing but a missing home position ends a program early.
+    homed = (*begin, *((Do("home"),) if "home" in jobs and not axes else ()))
+
+    def build(configuration: Configuration, *parts: list[tuple[Step, ...]]) -> Program:
+        drawn = [step for part in parts for phrase in part for step in phrase]
+        return Program((*begin, *drawn[:longest]), configuration)
+
+    def build_calm(configuration: Configuration, drawn: list[tuple[Step, ...]]) -> Program:
+        return Program((*homed, *[step for phrase in drawn for step in phrase][:longest]), configuration)
+
     # Three lists in a row: one long list would nearly always be drawn short.
-    thirds = [st.lists(step, max_size=(longest + part) // 3) for part in range(3)]
-    return st.tuples(configurations, *thirds).map(
-        lambda parts: Program((*preamble, *(step for part in parts[1:] for step in part)), parts[0])
+    mixed = one if phrases is None else st.one_of(whole(one), whole(one), whole(phrases))
+    thirds = [st.lists(mixed, max_size=(longest + part) // 3) for part in range(3)]
+    found = st.builds(build, configurations, *thirds)
+    if calm_phrases is None or longest < 1:
+        return found
+    calm = st.builds(
+        build_calm, configurations, st.lists(calm_phrases, min_size=1, max_size=(longest + 1) // 2)
     )
+    return st.one_of(whole(found), whole(calm))
 
 
 def descendants(

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from hypothesis.strategies import SearchStrategy
 
-LONGEST: Final = 12
-"""Steps of a program, as of `hil fuzz`."""
+LONGEST: Final = 24
+"""Steps of a program: twice as many as in `hil fuzz`, whose programs go on from one another."""
 _CAMPAIGN_TEXT: Final = '''"""Generated programs that judge defects."""
 
 from pathlib import Path

@@ -12,9 +12,11 @@ from hil.expect.rules import (
     _causes,
     _drive_motion,
     _drive_words,
+    _dynamics,
     _kinematics,
     _modbus_protocol,
     _places,
+    _profiles,
     _ramps,
     _read_objects,
 )
@@ -37,6 +39,8 @@ AXIS_RULES: Final[tuple[Rule[AxisView], ...]] = (
     *_axis_words.AXIS_RULES,
     *_causes.AXIS_RULES,
     *_places.AXIS_RULES,
+    *_profiles.AXIS_RULES,
+    *_dynamics.AXIS_RULES,
 )
 DRIVE_RULES: Final[tuple[Rule[DriveView], ...]] = (
     *_drive_motion.DRIVE_RULES,
@@ -44,6 +48,7 @@ DRIVE_RULES: Final[tuple[Rule[DriveView], ...]] = (
     *_drive_words.DRIVE_RULES,
     *_causes.DRIVE_RULES,
     *_read_objects.DRIVE_RULES,
+    *_dynamics.DRIVE_RULES,
 )
 BUS_RULES: Final[tuple[Rule[BusView], ...]] = _bus_protocol.BUS_RULES
 MODBUS_RULES: Final[tuple[Rule[ModbusView], ...]] = _modbus_protocol.MODBUS_RULES

@@ -11,7 +11,7 @@ from hil.expect.rules._definition import Flags, Judged, Numbers, Rule, differenc
 from hil.expect.rules._views import CONTROLLED, AxisView
 
 _SHARE: Final = 1.0 + 1e-6
-_MOVES: Final = ("MC_MoveAbsolute", "MC_MoveRelative", "MC_MoveVelocity", "MC_Halt")
+_MOVES: Final = ("MC_MoveAbsolute", "MC_MoveRelative", "MC_MoveVelocity", "MC_MoveJog", "MC_Halt")
 _SUPERIMPOSED: Final = ("MC_MoveSuperimposed", "MC_HaltSuperimposed", "MC_MotionInSuperimposed")
 
 
@@ -89,7 +89,8 @@ def segments(axis: AxisView) -> list[Segment] | None:
     return found
 
 
-def _in_segments(axis: AxisView) -> tuple[list[Segment], Flags] | None:
+def in_segments(axis: AxisView) -> tuple[list[Segment], Flags] | None:
+    """Return the jobs whose dynamic values are known, and where the axis makes its setpoints by them."""
     columns = ("velocity_setpoint", "acceleration_setpoint", "status_word", "state")
     if not axis.has(*columns) or axis.number("interpolator_s") is not None or len(axis.time_s) < 5:
         return None
@@ -102,7 +103,7 @@ def _in_segments(axis: AxisView) -> tuple[list[Segment], Flags] | None:
 
 
 def _job_dynamics(axis: AxisView) -> Judged | None:
-    found = axis.once(_in_segments)
+    found = axis.once(in_segments)
     if found is None:
         return None
     known, usable = found
@@ -158,7 +159,7 @@ def _kept_acceleration(axis: AxisView) -> Flags:
 
 
 def _plateaus(axis: AxisView) -> Judged | None:
-    found = axis.once(_in_segments)
+    found = axis.once(in_segments)
     if found is None:
         return None
     known, usable = found
@@ -193,7 +194,7 @@ PLATEAUS: Final = Rule(
 
 
 def _job_jerk(axis: AxisView) -> Judged | None:
-    found = axis.once(_in_segments)
+    found = axis.once(in_segments)
     if found is None:
         return None
     known, usable = found
@@ -228,7 +229,7 @@ JOB_JERK: Final = Rule(
 
 
 def _job_velocity(axis: AxisView) -> Judged | None:
-    found = axis.once(_in_segments)
+    found = axis.once(in_segments)
     if found is None:
         return None
     known, usable = found

@@ -266,7 +266,7 @@ def test_the_search_finds_shrinks_and_replays_a_defect():
     assert str(again.violation) == str(failure.violation)
     assert again.trace.digest() == failure.trace.digest()
 
-    repeated = search(DOUBLE, cases=100, longest=8, seed=7)
+    repeated = search(DOUBLE, cases=100, longest=8, seed=2)
     assert repeated.failure.program == failure.program
     assert repeated.cases == report.cases
 
@@ -293,7 +293,7 @@ def test_a_bench_that_does_not_repeat_is_reported():
             return bench
 
     assert NOISY.defect == "not_repeatable"
-    report = search(NoisyDouble(), cases=100, longest=8, seed=7)
+    report = search(NoisyDouble(), cases=100, longest=8, seed=2)
     assert report.failure is not None
     assert not report.repeatable
 

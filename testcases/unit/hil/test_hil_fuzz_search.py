@@ -175,7 +175,7 @@ def test_a_finding_becomes_a_case_by_one_command(tmp_path, capsys, monkeypatch):
     assert "one job output" in kept["message"]
     campaign = load_campaign(str(tmp_path / "regressions" / "regressions.py") + ":CAMPAIGN")
     (case,) = campaign.cases
-    assert (case.title, case.bench, case.seed) == ("Done and Error together", DOUBLE_NAME, 7)
+    assert (case.title, case.bench, case.seed) == ("Done and Error together", DOUBLE_NAME, 2)
     assert main(["run", "regressions/regressions.py", "--json"]) == 1
     failed = execute_case(case, DOUBLE, CaseSettings(seed=case.seed)).result
     assert failed.verdict is Verdict.FAILED

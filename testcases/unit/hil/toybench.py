@@ -656,4 +656,4 @@ def found_defect():
     """Return the report of a search that finds and shrinks the defect of `DOUBLE`, for several tests."""
     from hil.fuzz import search  # most users of this bench search nothing
 
-    return search(DOUBLE, cases=100, longest=8, seed=7, bench=f"{__name__}:DOUBLE")
+    return search(DOUBLE, cases=100, longest=8, seed=2, bench=f"{__name__}:DOUBLE")

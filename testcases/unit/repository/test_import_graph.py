@@ -15,7 +15,6 @@ PACKAGES: Final = ("fieldbus", "emulators", "motion", "hil", "reports")
 
 # Base classes that rightly have one subclass, with the reason. Exceptions are exempt: users catch the base.
 SINGLE_SUBCLASS: Final = {
-    "hil.fuzz._invariants.Invariant": "public protocol: users write invariants of their own",
     "reports.model.Signal": "what is stored; `hil` adds the questions to it, `reports` does without `hil`",
 }
 
