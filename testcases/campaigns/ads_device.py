@@ -253,3 +253,132 @@ def state(ctx: CaseContext) -> None:
         except MalformedFrameError:
             malformed = 1
         equal(ctx, f"{content[:6].hex()} is malformed", malformed, 1)
+
+
+@CAMPAIGN.case("groups")
+def groups(ctx: CaseContext) -> None:
+    """State as data, version and place of symbols, values by a handle that is too short or unknown; answers
+    and what nobody understands.
+    """
+    client = Client()
+    client.state = 0x0102
+    for offset, length, wanted in (
+        (0, 2, (0, b"\2\1")),
+        (0, 4, (0, b"\2\1\0\0")),
+        (2, 2, (0, b"\0\0")),
+        (3, 1, (0, b"\0")),
+        (4, 1, (AdsError.INVALID_OFFSET, b"")),
+        (2, 3, (AdsError.INVALID_SIZE, b"")),
+    ):
+        same(
+            ctx,
+            f"state, {length} bytes from {offset}",
+            client.read(Group.DEVICE_DATA, offset, length),
+            wanted,
+        )
+    same(ctx, "version", client.read(Group.SYMBOL_VERSION, 0, 1), (0, b"\1"))
+    same(ctx, "nothing of it", client.read(Group.SYMBOL_VERSION, 0, 0), (0, b""))
+    speed = client.memory.find("MAIN.Speed")
+    place = struct.pack("<III", DATA, speed.offset, 8)
+    for length, wanted in ((12, place), (0xFFFF_FFFF, place), (4, place[:4])):
+        found = client.read_write(Group.SYMBOL_INFO_BY_NAME, 0, length, b"MAIN.Speed\0")
+        same(ctx, f"place of a symbol, {length} bytes", found, (0, wanted))
+    for group in (Group.SYMBOL_INFO_BY_NAME, Group.SYMBOL_VALUE_BY_NAME, Group.SYMBOL_INFO_BY_NAME_EX):
+        found = client.read_write(group, 0, 99, b"MAIN.None\0")
+        same(ctx, f"no such symbol, {group.name}", found, (AdsError.SYMBOL_NOT_FOUND, b""))
+    handle = client.handle("MAIN.Speed")
+    same(ctx, "half of it", client.read(BY_HANDLE, handle, 4), (0, real(12.5)[:4]))
+    same(ctx, "more than it has", client.read(BY_HANDLE, handle, 9), (AdsError.INVALID_SIZE, b""))
+    same(ctx, "no such handle", client.read(BY_HANDLE, handle + 1, 8), (AdsError.SYMBOL_NOT_FOUND, b""))
+    same(
+        ctx, "no such handle written", client.write(BY_HANDLE, handle + 1, real(1)), AdsError.SYMBOL_NOT_FOUND
+    )
+    same(ctx, "half written", client.write(BY_HANDLE, handle, b"1234"), AdsError.INVALID_SIZE)
+    same(ctx, "no such group", client.read(0x1234, 0, 1), (AdsError.INVALID_GROUP, b""))
+    same(ctx, "no such group written", client.write(0x1234, 0, b"1"), AdsError.INVALID_GROUP)
+    found = client.read_write(0x1234, 0, 1, b"1")
+    same(ctx, "no such group read and written", found, (AdsError.INVALID_GROUP, b""))
+    for command, data in (
+        (READ, bytes(11)),
+        (WRITE, struct.pack("<III", DATA, 0, 3) + b"12"),
+        (CONTROL, struct.pack("<HHI", 5, 0, 2) + b"1"),
+        (DELETE, bytes(3)),
+    ):
+        error, answer = client.ask(command, data)
+        same(
+            ctx,
+            f"command {command} of a wrong size",
+            (error, answer),
+            (0, struct.pack("<I", AdsError.INVALID_SIZE)),
+        )
+    error, answer = client.ask(99)
+    same(ctx, "no such command", (error, answer), (0, struct.pack("<I", AdsError.SERVICE_NOT_SUPPORTED)))
+    client.sent.clear()
+    for flags in (5, 1, 0):
+        client.session.receive(Frame(OWN, 851, PEER, 30000, READ, flags, 0, 77, bytes(12)).pack())
+    same(ctx, "what is no request has no answer", len(client.sent), 0)
+
+
+def _watch(group: int, offset: int, length: int, mode: int = 4, cycle: int = 0) -> bytes:
+    return struct.pack("<IIIIII16s", group, offset, length, mode, 0, cycle, b"")
+
+
+@CAMPAIGN.case("sums-of-notifications")
+def sums_of_notifications(ctx: CaseContext) -> None:
+    """Several notifications are added and ended at once, each with a code of its own; samples say what has
+    changed, by change or by cycle.
+    """
+    client = Client()
+    speed, flag = client.memory.find("MAIN.Speed"), client.memory.find("MAIN.Flag")
+    handle = client.handle("MAIN.Speed")
+    rows = (
+        (_watch(DATA, speed.offset, 8), 0),
+        (_watch(DATA, flag.offset, 1, mode=3, cycle=10_000), 0),
+        (_watch(BY_HANDLE, handle, 8), 0),
+        (_watch(BY_HANDLE, handle + 9, 8), AdsError.SYMBOL_NOT_FOUND),
+        (_watch(BY_HANDLE, handle, 9), AdsError.INVALID_SIZE),
+        (_watch(Group.SYMBOL_UPLOAD, 0, 8), AdsError.INVALID_GROUP),
+        (_watch(DATA, 0xFFFF_0000, 8), None),
+        (_watch(DATA, speed.offset, 8, mode=99), AdsError.MODE_NOT_SUPPORTED),
+    )
+    data = b"".join(row for row, _ in rows)
+    code, found = client.read_write(Group.SUM_ADD_NOTIFICATION, len(rows), 8 * len(rows), data)
+    same(ctx, "code of all", code, 0)
+    pairs = list(struct.iter_unpack("<II", found))
+    for (one, number), (_, wanted) in zip(pairs, rows, strict=True):
+        same(
+            ctx,
+            "code and handle",
+            (one != 0 if wanted is None else one == wanted, number > 0),
+            (True, wanted == 0),
+        )
+    handles = [number for one, number in pairs if not one]
+    same(ctx, "each handle once", len(set(handles)), 3)
+    for count, given in ((0, b""), (2, rows[0][0]), (1, data), (501, rows[0][0] * 501)):
+        found = client.read_write(Group.SUM_ADD_NOTIFICATION, count, 8, given)
+        same(ctx, f"{count} with {len(given)} bytes", found, (AdsError.INVALID_SIZE, b""))
+        found = client.read_write(Group.SUM_DELETE_NOTIFICATION, count, 8, given)
+        same(ctx, f"{count} ended with {len(given)} bytes", found, (AdsError.INVALID_SIZE, b""))
+
+    def sampled(ms: float) -> list[int]:
+        client.sent.clear()
+        client.session.sample(round(ms * 1e6))
+        return [struct.unpack_from("<I", one.data, 20)[0] for one in client.sent]
+
+    first, cyclic, by_handle = handles
+    same(ctx, "at first all", sampled(0.0), handles)
+    same(ctx, "nothing has changed", sampled(0.5), [])
+    same(ctx, "its cycle is over", sampled(1.0), [cyclic])
+    client.speed = 3.0
+    same(ctx, "changed", sampled(1.5), [first, by_handle])
+    same(ctx, "value", client.sent[0].data[28:], real(3.0))
+    same(ctx, "time", struct.unpack_from("<Q", client.sent[0].data, 8)[0] % 10_000_000_000 % 100_000, 15_000)
+    client.write(Group.SYMBOL_RELEASE_HANDLE, 0, struct.pack("<I", handle))
+    client.speed = 4.0
+    same(ctx, "the handle may be released", sampled(2.0), [first, cyclic, by_handle])
+    gone = struct.pack("<III", first, 999, by_handle)
+    code, found = client.read_write(Group.SUM_DELETE_NOTIFICATION, 3, 12, gone)
+    wanted = (0, int(AdsError.NOTIFICATION_HANDLE_INVALID), 0)
+    same(ctx, "ended", (code, struct.unpack("<III", found)), (0, wanted))
+    client.speed = 5.0
+    same(ctx, "what is left", sampled(3.0), [cyclic])
