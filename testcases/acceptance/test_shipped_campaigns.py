@@ -267,6 +267,8 @@ def bench_file(name):
         *few(SPEED, [device_again.OF_SPEED]),
         *few("testcases.campaigns.cia402_homing:PLAIN", [cia402_homing.CAMPAIGN]),
         *few("testcases.campaigns.machine_law:BENCH", [machine_law.CAMPAIGN]),
+        *few("testcases.campaigns.machine_law:BRAKED", [machine_law.OF_BRAKE]),
+        *few("testcases.campaigns.cia402_details:TOLERANT", [cia402_details.OF_WARNINGS]),
         *few(POSITIONER, [device_again.OF_TASKS]),
         *few("testcases.campaigns.fault_ends:EQUIPPED", [fault_ends.CAMPAIGN]),
         *few("testcases.campaigns.fault_ends:SHAFTS", [fault_ends.OF_ENCODERS]),

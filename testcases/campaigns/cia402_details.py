@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from fieldbus.canopen import NmtCommand
 from hil.bench import BenchFile
 from hil.campaign import Campaign, CaseContext
 from testcases.campaigns._led_servo import BENCH as LED
@@ -34,6 +35,19 @@ CAMPAIGN: Final = Campaign(
     controller="",
     tags=("drive", "cia402"),
     bench="testcases.campaigns.cia402_details:BENCH",
+)
+TOLERANT: Final = BenchFile(
+    "servo that warns",
+    LED.text.replace('name = "led servo"', 'name = "servo that warns"').replace(
+        "[drive.drive1.mechanics]", 'sync_loss = "warning"\n\n[drive.drive1.mechanics]'
+    ),
+)
+"""The drive goes on when SYNC is missing, and says so."""
+OF_WARNINGS: Final = Campaign(
+    "cia402 warnings",
+    controller="",
+    tags=("drive", "cia402"),
+    bench="testcases.campaigns.cia402_details:TOLERANT",
 )
 RUN: Final = 0x7F
 """Operation enabled with the three bits of the ramp of vl."""
@@ -786,3 +800,27 @@ def shown(ctx: CaseContext) -> None:
     cause.remove()
     ctx.run_for(0.01)
     node.shows(0x2102, 0xFFFF, sub=4, signed=False)
+
+
+@OF_WARNINGS.case("sync-lost", requirements=("C301-109",))
+def sync_lost(ctx: CaseContext) -> None:
+    """Each time that SYNC is missing the drive says so by an EMCY that ends at once, and goes on."""
+    node = drive(ctx)
+    node.listen(0x80 + NODE)
+    node.write(0x1006, 4000)
+    node.nmt(NmtCommand.START)
+    node.write(0x60FF, 240_000)
+    node.enable(9)
+    for number in (1, 2, 3):
+        for _ in range(5):
+            node.send(0x80, b"")
+            ctx.run_for(0.003)
+        node.equal(f"EMCYs before loss {number}", len(node.taken(0x80 + NODE)), 0)
+        ctx.run_for(0.03)
+        found = [data[:3].hex() for data in node.taken(0x80 + NODE)]
+        node.equal(
+            f"EMCYs of loss {number} {found}", [data[:4] for data in found] == ["0087", "0000"], 1, "C301-109"
+        )
+        node.equal("error register in the last one", found[-1:] == ["000000"], 1, "C301-109")
+        node.bits(0x4F, 0x07)
+    node.equal("speed, rpm", speed(ctx), 240.0, within=2.0)

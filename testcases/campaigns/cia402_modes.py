@@ -575,6 +575,36 @@ def homing(ctx: CaseContext, method: int, start: str) -> None:
     ctx.expect(never_happens(event("drive.fault", DRIVE)))
 
 
+@CAMPAIGN.product(
+    "homing-again/{method}",
+    parameters=[{"method": 23, "from_mm": 0.0}, {"method": 27, "from_mm": -40.0}],
+    title="homing method {method} twice, each time by way of the limit switch",
+    requirements=("C402-136", "C402-139"),
+)
+def homing_again(ctx: CaseContext, method: int, from_mm: float) -> None:
+    """A run turns round at the limit switch on its way, and so does the next one; both find the same edge."""
+    node = drive(ctx)
+    node.configure({(0x6099, 1): 900_000, (0x6099, 2): 90_000, 0x609A: 60_000_000, 0x6098: method, 0x607C: 0})
+    for _ in range(2):
+        away_mm = from_mm - float(ctx.trace()[f"{DRIVE}.position"].values[-1]) * 1000.0
+        node.enable(1)
+        node.write(0x607A, round(away_mm / 10.0 * REV))
+        node.control(0x5F)
+        node.until(0x400, 0x400, 5.0, "the start position is reached")
+        node.control(0x06)
+        node.enable(6)
+        node.control(0x1F, 0.05)
+        ended = node.read(0x6041) & 0x3400
+        if not ended & 0x2000:
+            node.until(0x1400, 0x1400, 10.0, "homing has ended")
+        node.equal("homing error", ended & 0x2000, 0, "C402-136")
+        ctx.run_for(0.1)
+        true_mm = float(ctx.trace()[f"{DRIVE}.position"].values[-1]) * 1000.0
+        found = true_mm - node.read(0x6064) / REV * 10.0
+        node.equal("home position, mm", found, home_place(method, from_mm), "C402-139", within=0.02)
+        node.control(0x06)
+
+
 @CAMPAIGN.case("homing-fails", requirements=("C402-136",))
 def homing_fails(ctx: CaseContext) -> None:
     """Without a home switch the search ends at the limit switch with bit 13; a stop aborts without it."""

@@ -88,3 +88,37 @@ def closes(ctx: CaseContext, mode: int) -> None:
     )
     closed_s = float(ctx.trace()[f"{drive}.brake_closed"].changes()[0][-1])
     ctx.measure("time to the closed brake", closed_s - before, "s", low=CLOSING_S, requirements=("STP-532",))
+
+
+@CAMPAIGN.case("again", requirements=("C402-173", "STP-532"))
+def again(ctx: CaseContext) -> None:
+    """Every opening and every closing takes its time, not only the first."""
+    drive = drive_name(ctx)
+    asked = []
+    for _ in range(3):
+        enable(ctx)
+        ctx.run_for(0.3)
+        asked.append(ctx.now_s)
+        ctx.do("MC_Power Enable = FALSE, StopMode 2")
+        ctx.wait_until(ctx.axis.power(False, stop_mode=2).off, 2.0, "the axis is disabled")
+        ctx.run_for(0.2 + settle_s(ctx))
+    trace = ctx.trace()
+    enabled = [one.time_ns * 1e-9 for one in trace.select(source=drive, kind="drive.state")
+               if one.data["to"] == "Operation enabled"]  # fmt: skip
+    moved = trace[f"{drive}.brake_closed"].changes()[1:]
+    for closed, begun, shortest, requirement in (
+        (0.0, enabled, OPENING_S, "C402-173"),
+        (1.0, asked, CLOSING_S, "STP-532"),
+    ):
+        changed = [time_s for time_s, level in moved if level == closed]
+        ctx.require(len(changed) >= 3, "the brake opens and closes each time")
+        for number, (begin, end) in enumerate(zip(begun, changed[-3:], strict=True), 1):
+            ctx.measure(
+                f"time of {'closing' if closed else 'opening'} number {number}",
+                end - begin,
+                "s",
+                low=shortest - cycles(ctx, 1),
+                high=shortest + cycles(ctx, 8),
+                requirements=(requirement,),
+            )
+    ctx.expect(no_alarm(axis=axis_name(ctx)))

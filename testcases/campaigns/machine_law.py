@@ -50,8 +50,27 @@ positive_limit_mm = 400.0
 home_mm = -390.0
 """,
 )
+BRAKE_NM: Final = 0.6
+BRAKED: Final = BenchFile(
+    "machine with a brake",
+    BENCH.text.replace("[drive.drive1.mechanics]", "[drive.drive1.mechanics]\nreversed = true").replace(
+        BENCH.name, "machine with a brake"
+    )
+    + f"""
+[drive.{DRIVE}.brake]
+torque_nm = {BRAKE_NM}
+""",
+)
+"""The same with a holding brake, behind a gear that turns the other way."""
 CAMPAIGN: Final = Campaign(
     "machine law", controller="", tags=("drive",), bench="testcases.campaigns.machine_law:BENCH"
+)
+
+OF_BRAKE: Final = Campaign(
+    "machine law of a brake",
+    controller="",
+    tags=("drive",),
+    bench="testcases.campaigns.machine_law:BRAKED",
 )
 
 
@@ -187,3 +206,25 @@ def end_stops(ctx: CaseContext) -> None:
         equal(ctx, "way into the stop, mm", inside, way, "STP-536", within=0.35 * way + 0.002)
         machine.obeys("back", machine.push(-500.0 * sign, 0.08))
         machine.push(0.0, 1.2)
+
+
+@OF_BRAKE.case("brake")
+def brake(ctx: CaseContext) -> None:
+    """A closed brake holds the load against its torque behind the gear and the friction, on both sides,
+    whichever way the gear turns; beyond that the load moves.
+    """
+    section: Any = ctx.bench.config.drive[DRIVE]
+    parts = section.mechanics
+    held = BRAKE_NM * math.tau * parts.gear_ratio / (parts.lead_screw_mm / 1000.0)
+    ctx.run_for(0.05)
+    for sign in (1.0, -1.0):
+        border = sign * (abs(held) + parts.static_friction_n) - parts.gravity_n
+        for share, moves in ((0.98, 0), (1.02, 1)):
+            start = float(ctx.trace()[f"{DRIVE}.position"].values[-1])
+            load = ctx.inject("mechanics.load_step", DRIVE, force_N=border * share)
+            ctx.run_for(0.1)
+            way = float(ctx.trace()[f"{DRIVE}.position"].values[-1]) - start
+            equal(ctx, f"moves with {share:g} of {border:.1f} N", float(way != 0.0), moves)
+            equal(ctx, "and to its side", float(way * sign >= 0.0), 1)
+            load.remove()
+            ctx.run_for(0.3)

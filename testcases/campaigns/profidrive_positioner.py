@@ -401,6 +401,36 @@ def external(ctx: CaseContext) -> None:
     equal(ctx, "warning: no such block", axis.master["WARN_CODE"], 7462)
 
 
+@CAMPAIGN.case("warnings", requirements=("PD-043", "PD-138"))
+def warnings(ctx: CaseContext) -> None:
+    """Of two warnings WARN_CODE shows the one that came first, until that is gone; bit 7 of ZSW1 lasts as
+    long as one is there.
+    """
+    axis = Axis(ctx).home()
+
+    def expect(text: str, number: int) -> None:
+        equal(ctx, f"WARN_CODE: {text}", axis.master["WARN_CODE"], number, "PD-043")
+        equal(ctx, f"ZSW1 bit 7: {text}", axis.master["ZSW1"] & 0x80, 0x80 * bool(number), "PD-138")
+
+    for hot_first in (True, False):
+        expect("none", 0)
+        if not hot_first:
+            axis.go(0.03, POS_STW1=9)
+        hot = ctx.inject("drive.overtemperature", DRIVE, part="motor", temperature_C=125.0)
+        ctx.run_for(0.05)
+        if hot_first:
+            expect("the motor is warm", 7910)
+            axis.go(0.03, POS_STW1=9)
+        expect("and there is no such block" if hot_first else "still the block", 7910 if hot_first else 7462)
+        axis.send("no task", 0.03, STW1=READY)
+        expect("the motor alone", 7910)
+        axis.go(0.03, POS_STW1=9)
+        hot.remove()
+        ctx.run_for(0.05)
+        expect("the block alone", 7462)
+        axis.send("no task", 0.03, STW1=READY)
+
+
 @CAMPAIGN.product(
     "jog/{which}",
     parameters=[

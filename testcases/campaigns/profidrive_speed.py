@@ -203,6 +203,29 @@ def off(ctx: CaseContext, which: str, word: int, slope: float, end: int) -> None
 
 
 @CAMPAIGN.product(
+    "off/{which}-disabled",
+    parameters=[
+        {"which": "1", "word": OFF, "end": 0x01, "identifier": "PD-110"},
+        {"which": "3", "word": RUN & ~int(STW1.NO_OFF3), "end": 0x40, "identifier": "PD-113"},
+    ],
+    title="operation is disabled on the ramp of OFF{which}",
+    requirements=lambda identifier, **_: (identifier,),
+)
+def disabled_on_the_ramp(ctx: CaseContext, which: str, word: int, end: int, identifier: str) -> None:
+    """Without the enable of operation the pulses go at once, on either ramp, and the motor coasts."""
+    for sign in (1.0, -1.0):
+        led = Led(ctx)
+        led.turn(1500.0 * sign, 0.6)
+        led.send(f"OFF{which}", 0.06, STW1=word)
+        led.bits("ZSW2", int(ZSW2.PULSES_ENABLED), int(ZSW2.PULSES_ENABLED), "PD-083")
+        begun = led.send("operation disabled", 0.1, STW1=word & ~int(STW1.ENABLE_OPERATION))
+        led.bits("ZSW2", int(ZSW2.PULSES_ENABLED), 0, identifier)
+        led.bits("ZSW1", 0x47, end, identifier)
+        equal(ctx, "slope", led.slope(begun + 0.02, 0.07), 0.0, identifier, within=60.0)
+        led.send("OFF1", 0.1, STW1=OFF)
+
+
+@CAMPAIGN.product(
     "ramp-bits/{bit}",
     parameters=[
         {"bit": "enable", "mask": int(STW1.RAMP_ENABLE), "stays": 0.0},
