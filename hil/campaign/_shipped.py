@@ -105,6 +105,7 @@ SHIPPED: Final = (
     ShippedCampaign("profidrive_parameters", seeding=("own",)),
     ShippedCampaign("profidrive_options", seeding=("own",)),
     ShippedCampaign("profidrive_facts", seeding=("own",)),
+    ShippedCampaign("profidrive_channels", seeding=("own",)),
     ShippedCampaign("profidrive_safety", seeding=("own",)),
     ShippedCampaign("pulse_module", seeding=("own",)),
     ShippedCampaign("control_unit", seeding=("own",)),
