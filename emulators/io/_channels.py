@@ -330,7 +330,7 @@ class CounterInput:
 
     def connect(self, read: Callable[[], int]) -> None:
         """Count what an encoder counts from now on."""
-        self._start += self.count - read()
+        self._start = self.count - read()
         self._read = read
 
     @property

@@ -80,6 +80,7 @@ SHIPPED: Final = (
     ShippedCampaign("machine_parts", seeding=("own",)),
     ShippedCampaign("servo_core", seeding=("own",)),
     ShippedCampaign("drive_parts", seeding=("own",)),
+    ShippedCampaign("io_parts", seeding=("own",)),
     ShippedCampaign("device_settings", seeding=("own",)),
     ShippedCampaign("canopen_master", seeding=("own",)),
     ShippedCampaign("fault_ends", seeding=("own", f"{PACKAGE}.fault_ends:GUARDED", "analog", "stepper")),
