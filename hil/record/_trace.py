@@ -151,23 +151,20 @@ def _span(silent: Event, heard_ns: int) -> tuple[float, float, str]:
     return silent.time_ns * 1e-9, heard_ns * 1e-9, f"{silent.source}: {silent.data.get('reason', '')}"
 
 
-def event_json(entry: Event) -> str:
-    """Return an event as canonical JSON: fixed key order, no blanks, shortest floats."""
-    return json.dumps(
-        [entry.time_ns, entry.source, entry.kind, entry.data],
-        sort_keys=True,
-        separators=(",", ":"),
-        ensure_ascii=True,
-        default=_plain,
-    )
-
-
 def _plain(value: object) -> object:
     """Turn NumPy scalars in event data into Python numbers."""
     if isinstance(value, np.generic):
         number: object = value.item()
         return number
     raise TypeError(f"{value!r} is no scalar")
+
+
+_EVENT_JSON: Final = json.JSONEncoder(sort_keys=True, separators=(",", ":"), default=_plain)
+
+
+def event_json(entry: Event) -> str:
+    """Return an event as canonical JSON: fixed key order, no blanks, shortest floats."""
+    return _EVENT_JSON.encode([entry.time_ns, entry.source, entry.kind, entry.data])
 
 
 class Trace:

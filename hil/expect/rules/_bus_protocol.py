@@ -406,7 +406,6 @@ def _tpdos(bus: BusView) -> Judged | None:
             if not can_ids:
                 continue
             kinds, counts = bus.settings(node, 0x1800 + number, 2), bus.settings(node, 0x1A00 + number, 0)
-            entries = [bus.settings(node, 0x1A00 + number, sub) for sub in range(1, 9)]
             times = bus.settings(node, 0x1800 + number, 5)
             pauses = bus.settings(node, 0x1800 + number, 3)
             starts = bus.settings(node, 0x1800 + number, 6)
@@ -423,7 +422,10 @@ def _tpdos(bus: BusView) -> Judged | None:
                     within = frames.between(from_s, to_s)
                     pdo = _Pdo(f"TPDO{number + 1} of node {node}", frames.time_s[within], from_s, to_s)
                     count = _value_at(counts, from_s, to_s)
-                    parts = [_value_at(one, from_s, to_s) for one in entries[: count or 0]]
+                    entries = [
+                        bus.settings(node, 0x1A00 + number, sub) for sub in range(1, min(count or 0, 8) + 1)
+                    ]
+                    parts = [_value_at(one, from_s, to_s) for one in entries]
                     if count and count <= 8 and None not in parts:
                         size = -(-sum((one or 0) & 0xFF for one in parts) // 8)
                         _mapped(looked, pdo, frames.lengths[within], size)
@@ -543,8 +545,10 @@ def _lengths(bus: BusView) -> Judged | None:
     some = closely_behind(bus.whole.trace.can_log(bus.name), _FOLLOWS_BITS * bit_ns, _LOOKED_AT)
     for gap_ns, (end_ns, _, frame, _) in islice(some, _MEASURED):
         gap, least = gap_ns / bit_ns, INTERMISSION_BITS + length_of(frame)
-        text = f"{frame} ends {gap:.1f} bits behind the frame before it, it has {least} with the intermission"
-        found.append((end_ns * 1e-9, text if gap < least - 0.5 else ""))
+        wrong = (
+            gap < least - 0.5 and f"{frame} ends {gap:.1f} bits behind the frame before it, it has {least}"
+        )
+        found.append((end_ns * 1e-9, f"{wrong} with the intermission" if wrong else ""))
     return _judged(found)
 
 

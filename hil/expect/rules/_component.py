@@ -38,6 +38,7 @@ class ComponentView:
         self._trace = trace
         self._group = next(group for group in trace.groups if group.name == name)
         self._names = frozenset(column for column, _ in self._group.columns)
+        self._columns: dict[str, Numbers] = {}
         self._words: dict[str, Words] = {}
         self._bits: dict[tuple[str, int], Flags] = {}
         self._states: dict[tuple[str, ...], Flags] = {}
@@ -60,7 +61,10 @@ class ComponentView:
         return self._names.issuperset(columns)
 
     def __getitem__(self, column: str) -> Numbers:
-        return self._trace[f"{self.name}.{column}"].values
+        found = self._columns.get(column)
+        if found is None:
+            found = self._columns[column] = self._trace[f"{self.name}.{column}"].values
+        return found
 
     def unit(self, column: str) -> str:
         """Return the unit of a column."""

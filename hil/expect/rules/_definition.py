@@ -94,17 +94,24 @@ class Excuses:
 
     def __init__(self, spans: list[tuple[float, float, str]]) -> None:
         self._spans = spans
+        self._of_kinds: dict[tuple[str, ...], list[tuple[float, float]]] = {}
 
     def __bool__(self) -> bool:
         return bool(self._spans)
 
     def flags(self, times: Numbers, kinds: tuple[str, ...], recovery_s: float) -> Flags | None:
         """Return the times at which faults of some kinds are an excuse; None: there was no such fault."""
+        spans = self._of_kinds.get(kinds)
+        if spans is None:
+            spans = self._of_kinds[kinds] = [
+                (begin_s, end_s)
+                for begin_s, end_s, kind in self._spans
+                if any(kind == one or (one.endswith(".") and kind.startswith(one)) for one in kinds)
+            ]
         excused = None
-        for begin_s, end_s, kind in self._spans:
-            if any(kind == one or (one.endswith(".") and kind.startswith(one)) for one in kinds):
-                here = (times >= begin_s - 1e-9) & (times <= end_s + recovery_s + 1e-9)
-                excused = here if excused is None else excused | here
+        for begin_s, end_s in spans:
+            here = (times >= begin_s - 1e-9) & (times <= end_s + recovery_s + 1e-9)
+            excused = here if excused is None else excused | here
         return excused
 
 

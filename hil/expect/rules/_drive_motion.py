@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from hil.expect.rules._component import kept
 from hil.expect.rules._definition import Flags, Judged, Numbers, Rule, differences, last_true, spread
 from hil.expect.rules._views import OWN_CLOCK, DriveView
 
@@ -17,9 +18,9 @@ _RECORDED_SPEED: Final = 1e-3
 
 def _steady_grid(drive: DriveView) -> Flags:
     """Return the samples that follow the one before by the cycle of the bench."""
-    steps = np.diff(drive.time_s, prepend=-1.0)
     cycle_s = drive.whole.cycle_s
-    return np.abs(steps - cycle_s) < 1e-3 * cycle_s
+    steps = differences(drive.time_s)
+    return kept(np.abs(steps - cycle_s) < 1e-3 * cycle_s)
 
 
 def _way_of_velocity(drive: DriveView) -> Judged | None:
@@ -37,10 +38,10 @@ def _way_of_velocity(drive: DriveView) -> Judged | None:
     steps, lead_m = drive.number("increments_per_revolution"), drive.number("lead_m")
     if steps and lead_m and not drive.has("velocity_demand"):
         bound += 1.1 * lead_m / abs(drive.number("gear_ratio") or 1.0) / steps
-    judged = _steady_grid(drive)
+    judged = drive.once(_steady_grid)
     if drive.has("brake_closed"):
         closed = drive["brake_closed"]
-        judged &= ~spread(differences(closed) != 0.0, 2, 2)
+        judged = judged & ~spread(differences(closed) != 0.0, 2, 2)
     unit, speed = drive.unit("position"), drive.unit("velocity")
     return Judged(
         drive.time_s,
@@ -148,15 +149,17 @@ def _stop_of_drive(drive: DriveView) -> Judged | None:
     if not top or drive.axis is None:
         return None  # a case that leads the drive itself may have given it other ramps
     demand = drive["velocity_demand"]
+    ramps = {state: drive.number(name) for state, name in _STOPS}
+    stops = [(drive.in_states(state), ramp_s) for state, ramp_s in ramps.items() if ramp_s]
+    stops = [(inside, ramp_s) for inside, ramp_s in stops if inside.any()]
+    if not stops:
+        return None
     change = np.abs(differences(demand)) / drive.whole.cycle_s
     judged, wanted = np.zeros(len(demand), dtype=bool), np.zeros(len(demand))
     steady = _settled(drive, change)
-    for state, name in _STOPS:
-        ramp_s = drive.number(name)
-        if not ramp_s:
-            continue
+    for stopping, ramp_s in stops:
         # Between the first whole cycle of the ramp and the last one before it ends.
-        inside = last_true(drive.in_states(state), 2) & _steady_grid(drive) & steady
+        inside = last_true(stopping, 2) & drive.once(_steady_grid) & steady
         # Nor where the demand stands at the greatest speed: a stop may begin above it.
         inside[1:] &= (demand[:-1] != 0.0) & (np.abs(demand[:-1]) < 0.999 * top)
         inside &= demand != 0.0

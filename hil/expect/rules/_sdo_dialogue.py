@@ -27,7 +27,8 @@ BLOCK_SIZE_WRONG, SEQUENCE_WRONG, CRC_WRONG, TOO_LONG, TOO_SHORT = (
     0x06070013,
 )
 _SEGMENT: Final = 7
-_REST: Final = bytes(7)
+_WITHOUT_DATA: Final = {"20": b"\x20" + bytes(7), "30": b"\x30" + bytes(7), "A1": b"\xa1" + bytes(7)}
+"""Answers of a server to a segment, and to the end of a block download."""
 
 
 def _number(data: bytes) -> int:
@@ -230,12 +231,7 @@ class Dialogue:
             return self._block_upload_begins(data)
         if waits == "A0":
             return self._block_download_begins(data)
-        wanted = {
-            "60": b"\x60" + self._object + bytes(4),
-            "20": b"\x20" + _REST,
-            "30": b"\x30" + _REST,
-            "A1": b"\xa1" + _REST,
-        }.get(waits)
+        wanted = b"\x60" + self._object + bytes(4) if waits == "60" else _WITHOUT_DATA.get(waits)
         if waits == "A2":
             wanted = bytes((0xA2, self._numbers, data[2])) + bytes(5)
             self._block, self._numbers, self._gap = data[2], 0, False

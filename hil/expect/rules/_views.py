@@ -276,7 +276,8 @@ class AxisView(ComponentView):
     @cached_property
     def gaps(self) -> Flags:
         """The samples that do not follow the one before by one cycle; the first is one."""
-        gaps: Flags = np.abs(np.diff(self.time_s, prepend=-np.inf) - self.cycle_s) > 0.01 * self.cycle_s
+        gaps = np.ones(len(self.time_s), dtype=bool)
+        gaps[1:] = np.abs(np.diff(self.time_s) - self.cycle_s) > 0.01 * self.cycle_s
         return kept(gaps)
 
 
