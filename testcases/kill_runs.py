@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import random
 import re
 import signal
@@ -18,10 +19,13 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NoReturn, Protocol
 
+from hil import cli
+from hil._commands import run as _run  # noqa: F401 - a copy is to have imported it
 from reports.store import JOURNAL_FILE, RUN_FILE, load_run
 from testcases.processes import hil_command
 
@@ -31,7 +35,16 @@ WITHIN_S = 0.2
 """Kills after a case come at any time within so many seconds: while the next ones run, or are written to the
 journal.
 """
-Moment = Callable[[subprocess.Popen[str], set[str]], None]
+
+
+class Process(Protocol):
+    """A run, as a moment sees it."""
+
+    def poll(self) -> int | None:
+        """Return how it ended; None: it runs."""
+
+
+Moment = Callable[[Process, set[str]], None]
 """Waits for the moment of the kill, with the process and the cases that it has reported so far."""
 
 
@@ -50,7 +63,7 @@ class Session:
 def after_seconds(seconds: float) -> Moment:
     """Return a moment by the clock: start of Python, campaign and report are met as well."""
 
-    def moment(process: subprocess.Popen[str], reported: set[str]) -> None:
+    def moment(process: Process, reported: set[str]) -> None:
         del reported
         end = time.monotonic() + seconds
         _wait(process, lambda: time.monotonic() >= end)
@@ -62,21 +75,26 @@ def after_cases(number: int, seconds: float = 0.0) -> Moment:
     """Return the moment so long after so many further cases have been reported."""
     later = after_seconds(seconds)
 
-    def moment(process: subprocess.Popen[str], reported: set[str]) -> None:
+    def moment(process: Process, reported: set[str]) -> None:
         _wait(process, lambda: len(reported) >= number)
         later(process, reported)
 
     return moment
 
 
-def _wait(process: subprocess.Popen[str], condition: Callable[[], bool]) -> None:
+def _wait(process: Process, condition: Callable[[], bool]) -> None:
     while process.poll() is None and not condition():
         time.sleep(0.002)
 
 
+def command(directory: Path, arguments: list[str]) -> list[str]:
+    """Return the arguments of `hil`."""
+    return ["run", *arguments, "--report", str(directory), "--resume", "--json", "--verbose"]
+
+
 def start(directory: Path, arguments: list[str]) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [*hil_command(), "run", *arguments, "--report", str(directory), "--resume", "--json", "--verbose"],
+        [*hil_command(), *command(directory, arguments)],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -84,14 +102,74 @@ def start(directory: Path, arguments: list[str]) -> subprocess.Popen[str]:
     )
 
 
-def killed(directory: Path, arguments: list[str], moment: Moment, session: Session) -> bool:
+class Copy:
+    """A run in a copy of this process, with what a `Popen` has.
+
+    Args:
+        arguments: Of `hil`.
+
+    """
+
+    def __init__(self, arguments: list[str]) -> None:
+        pipes = [os.pipe(), os.pipe()]
+        self.pid = os.fork()
+        if self.pid == 0:
+            self._run(arguments, [write for _, write in pipes])
+        for _, write in pipes:
+            os.close(write)
+        self.stdout, self.stderr = (os.fdopen(read, encoding="utf-8") for read, _ in pipes)
+        self._code: int | None = None
+
+    def _run(self, arguments: list[str], outputs: list[int]) -> NoReturn:
+        code = 1
+        try:
+            os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+            for stream, output in enumerate(outputs, 1):
+                os.dup2(output, stream)
+            code = cli.main(arguments)
+        finally:
+            os._exit(code)
+
+    def poll(self) -> int | None:
+        """Return how it ended; None: it runs."""
+        return self._code if self._code is not None else self._ended(os.WNOHANG)
+
+    def wait(self) -> int:
+        """Wait for its end; returns how it ended."""
+        if self._code is None:
+            self._ended(0)
+        assert self._code is not None
+        return self._code
+
+    def _ended(self, options: int) -> int | None:
+        process, status = os.waitpid(self.pid, options)
+        if process:
+            self._code = os.waitstatus_to_exitcode(status)
+        return self._code
+
+    def send_signal(self, number: int) -> None:
+        """Send it a signal, unless it has ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+
+def killed(
+    directory: Path, arguments: list[str], moment: Moment, session: Session, *, copied: bool = False
+) -> bool:
     """Run on from what is in the folder and kill the run; returns False when it was through before.
+
+    Args:
+        directory: Folder of the run.
+        arguments: Of `hil run`.
+        moment: When it is killed.
+        session: Gets the kill.
+        copied: The run is a copy of this process.
 
     Raises:
         AssertionError: The journal cannot be read, or lacks a case that had ended.
 
     """
-    process = start(directory, arguments)
+    process = Copy(command(directory, arguments)) if copied else start(directory, arguments)
     reported: set[str] = set()
 
     def read() -> None:
@@ -139,14 +217,22 @@ def completed(directory: Path, arguments: list[str], session: Session) -> None:
     session.digest = json.loads(answer)["trace_digest"]
 
 
-def kill_until_through(arguments: list[str], moments: Callable[[int], Moment | None]) -> Session:
+def kill_until_through(
+    arguments: list[str], moments: Callable[[int], Moment | None], *, copied: Container[Moment] = ()
+) -> Session:
     """Run a campaign in a folder of its own, killed at every moment that `moments(number)` gives, then to its
     end.
+
+    Args:
+        arguments: Of `hil run`.
+        moments: Takes the number of kills so far; None: no more.
+        copied: Moments at which the run is a copy of this process.
+
     """
     with tempfile.TemporaryDirectory(prefix="hil-kill-") as folder:
         directory, session = Path(folder) / "report", Session()
         while (moment := moments(session.kills)) is not None:
-            if not killed(directory, arguments, moment, session):
+            if not killed(directory, arguments, moment, session, copied=moment in copied):
                 break
         completed(directory, arguments, session)
     return session
@@ -166,22 +252,28 @@ def main() -> int:
     parser.add_argument(
         "--cases", type=int, default=10, help="the others come after up to so many further cases"
     )
-    parser.add_argument("arguments", nargs="*", default=["testcases.campaigns.stop_modes", "-j", "2"])
+    parser.add_argument(
+        "--jobs", type=int, nargs="+", default=[1, 2], help="worker processes of the runs, in turn"
+    )
+    parser.add_argument("arguments", nargs="*", default=["testcases.campaigns.stop_modes"])
     given = parser.parse_args()
     draw = random.Random(given.seed)
     undisturbed = kill_until_through(given.arguments, lambda _kills: None).digest
     kills = in_time = sessions = 0
     while kills < given.times:
         most = given.times - kills
+        behind: list[Moment] = []
 
-        def moments(number: int, most: int = most) -> Moment | None:
+        def moments(number: int, most: int = most, behind: list[Moment] = behind) -> Moment | None:
             if number >= most:
                 return None
             if draw.random() < given.early:
                 return after_seconds(draw.uniform(0.0, given.longest))
-            return after_cases(draw.randint(1, given.cases), draw.uniform(0.0, WITHIN_S))
+            behind.append(after_cases(draw.randint(1, given.cases), draw.uniform(0.0, WITHIN_S)))
+            return behind[-1]
 
-        session = kill_until_through(given.arguments, moments)
+        jobs = given.jobs[sessions % len(given.jobs)]
+        session = kill_until_through([*given.arguments, "-j", str(jobs)], moments, copied=behind)
         assert session.digest == undisturbed, "the resumed run differs from the undisturbed one"
         kills, in_time, sessions = kills + session.kills, in_time + session.in_time, sessions + 1
         print(

@@ -17,6 +17,7 @@ import pickle
 import selectors
 import signal
 import struct
+import sys
 import warnings
 from collections.abc import Callable
 from multiprocessing import Pipe
@@ -229,9 +230,12 @@ def _serve(connection: Connection, judge: Judge) -> None:
 
 def _forked() -> int:
     """Fork; returns 0 in the new process, which says nothing, ends with Ctrl-C, and knows no alarm."""
-    with warnings.catch_warnings():
-        # Python warns of threads, which a virtual bench does not have; those of a test runner sleep.
-        warnings.simplefilter("ignore", DeprecationWarning)
+    if sys.version_info >= (3, 12):
+        with warnings.catch_warnings():
+            # Python warns of threads, which a virtual bench does not have; those of a test runner sleep.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            process = os.fork()
+    else:
         process = os.fork()
     if process == 0:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
