@@ -974,6 +974,9 @@ class PositionControlled(Protocol):
     def set_position_control(self, on: bool) -> None:
         """Close or open position control."""
 
+    def replan(self) -> None:
+        """Plan the job in control anew from the present setpoints."""
+
 
 class RaisesAlarms(Protocol):
     """The alarms of a technology object."""

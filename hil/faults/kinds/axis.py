@@ -64,16 +64,19 @@ def _gives_no_value(injection: Injection) -> Action:
 
 
 def _opens_position_control(injection: Injection) -> Action:
-    """Return the action that opens position control of an axis, and closes it again."""
+    """Return the action that opens position control of an axis, and closes it again: the job that has control
+    is planned anew from where the axis is then.
+    """
     axis = find_axis(injection)
     if not seams.offers(axis, seams.ControlsPosition):
         injection.refuse(f"{axis.name} has no position control")
     motion = axis.motion
-    return Action(
-        axis.name,
-        lambda: motion.set_position_control(False),
-        lambda: motion.set_position_control(True),
-    )
+
+    def close() -> None:
+        motion.set_position_control(True)
+        motion.replan()
+
+    return Action(axis.name, lambda: motion.set_position_control(False), close)
 
 
 # -- kinds -----------------------------------------------------------------------------------------------
@@ -128,7 +131,7 @@ FAMILY: Final = Family(
             text="""
         As by a job with `PositionControlled` FALSE: the setpoint has no positions any more. An axis that
         synchronises to it, or leaves it, ends with alarm 603; one that is synchronous steps to what its
-        function makes of the leading position 0 (SYN-026).
+        function makes of the leading position 0 (SYN-026). At the end a job goes on from where the axis is.
         """,
         ),
     ),

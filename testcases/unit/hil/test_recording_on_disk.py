@@ -101,7 +101,8 @@ def test_trace_is_the_same_on_disk(subtests, tmp_path):
 
 def test_trace_is_the_same_after_a_journey(subtests):
     """A recording that was packed in two parts and pickled has signals, events, frames, digest and checks of
-    the trace that the bench itself gives: with frames in error, remote frames, 29 bits and CAN FD, too.
+    the trace that the bench itself gives: with frames in error, remote frames, 29 bits and CAN FD, too, and
+    with a group and a number that came later.
     """
     for name, config in BENCHES.items():
         with subtests.test(name), Bench(config(), seed=3) as bench:
@@ -111,6 +112,9 @@ def test_trace_is_the_same_after_a_journey(subtests):
             bench.run_for(0.2)
             carrier.pack()
             assert all(power.Status for power in powers)
+            late = bench.recorder.add_group("late", [("value", "mm")], lambda: (1.5,))
+            bench.recorder.set_constant("late.number", 2.0)
+            late.sample()
             if bench.network_names:
                 segment = bench.segment(bench.segment_names[0])
                 port = segment.attach("visitor", lambda frame, time_ns: None)
