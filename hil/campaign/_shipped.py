@@ -84,6 +84,7 @@ SHIPPED: Final = (
     ShippedCampaign("device_settings", seeding=("own",)),
     ShippedCampaign("canopen_master", seeding=("own",)),
     ShippedCampaign("fault_ends", seeding=("own", f"{PACKAGE}.fault_ends:GUARDED", "analog", "stepper")),
+    ShippedCampaign("fault_effects", seeding=("own",)),
     ShippedCampaign("eds_files", seeding=("own",)),
     ShippedCampaign("time_and_logs", seeding=("own",)),
     ShippedCampaign("bus_parts", seeding=("own",)),
