@@ -192,6 +192,25 @@ def most_different(judges: Sequence[Judge], most: int, marks: Mapping[Judge, int
     return chosen
 
 
+def most_special(judges: Sequence[Judge], most: int, marks: Mapping[Judge, int], near: int) -> list[Judge]:
+    """Return at most so many cases, those with the greatest share of what they come to in the modules that
+    have the defect: they look at little else.
+
+    Args:
+        judges: The cases, the best first.
+        most: How many.
+        marks: Marks of the product that each of them passes, as bits of a number.
+        near: Marks of the modules that have the defect.
+
+    """
+
+    def share(judge: Judge) -> float:
+        passed = marks.get(judge, 0)
+        return (passed & near).bit_count() / max(1, passed.bit_count())
+
+    return sorted(judges, key=share, reverse=True)[:most]
+
+
 def _gain(marks: int, near: int) -> int:
     return marks.bit_count() + (_NEAR - 1) * (marks & near).bit_count()
 

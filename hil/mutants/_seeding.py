@@ -20,7 +20,7 @@ from hil.mutants._difference import differences_of
 from hil.mutants._marks import Marks, Place, marks_of, places_of
 from hil.mutants._mutant import Mutant
 from hil.mutants._patch import TargetChangedError, defect_patch
-from hil.mutants._plan import Judge, hinted, in_order, in_turn, modules_of, most_different
+from hil.mutants._plan import Judge, hinted, in_order, in_turn, modules_of, most_different, most_special
 from hil.mutants._tests import is_test_file
 from hil.mutants._worker import Finished, Outcome, Task, run_tasks
 
@@ -39,6 +39,8 @@ _NEAREST: Final = 3
 """Cases that are named for a survivor."""
 _LOOKED_AT: Final = 10
 """So many times as many cases are looked at for a difference as are tried."""
+_SPECIAL: Final = 4
+"""One of so many cases that are tried looks at little else than the modules of the defect."""
 
 OnResult = Callable[["MutantResult", int, int], None]
 OnBaseline = Callable[[Outcome, int, int], None]
@@ -504,9 +506,16 @@ class Seeder:
         return result.able > len(result.outcomes) and not any(map(is_test_file, self._judges))
 
     def _chosen(self, mutant: Mutant, judges: Sequence[Judge], most: int) -> list[Judge]:
-        """Return at most so many cases for a defect, as different as can be."""
+        """Return at most so many cases for a defect: some that look at little else than its modules, the
+        others as different as can be.
+        """
         near = self._numbers.modules(place.module for place in self._places[mutant.name])
-        return most_different(judges, most, self._passed, near)
+        if not most or len(judges) <= most:
+            return list(judges)
+        special = most_special(judges, most // _SPECIAL, self._passed, near)
+        taken = set(special)
+        others = [judge for judge in judges if judge not in taken]
+        return [*special, *most_different(others, most - len(special), self._passed, near)]
 
     def _judge_where_different(
         self, results: Sequence[MutantResult], able: Mapping[str, Sequence[Judge]]

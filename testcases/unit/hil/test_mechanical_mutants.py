@@ -22,7 +22,7 @@ from hil.mutants import (
 from hil.mutants._coverage import Covered, MarkNumbers
 from hil.mutants._mechanical import live_code
 from hil.mutants._operators import OPERATORS, replacements
-from hil.mutants._plan import most_different
+from hil.mutants._plan import most_different, most_special
 
 SOURCE = '''
 def step(self, limit: float = 2.0) -> None:
@@ -166,6 +166,17 @@ def test_a_limited_number_of_cases_comes_to_as_much_as_it_can():
     assert taken(1, near=0b1000) == ["4"]
     assert taken(0) == ["0", "1", "2", "3", "4"]
     assert taken(5) == ["0", "1", "2", "3", "4"]
+
+
+def test_special_cases_look_at_little_else_than_the_module():
+    """The greatest share of marks in the modules of the defect; of equal ones the first."""
+    judges = [Judge(f"family/{one}", "", "") for one in range(4)]
+    passed = (0b1111_0001, 0b0000_0011, 0b0000_0111, 0b0000_0011)
+    marks = dict(zip(judges, passed, strict=True))
+
+    assert most_special(judges, 3, marks, near=0b11) == [judges[1], judges[3], judges[2]]
+    assert most_special(judges, 1, marks, near=0b1111_0000) == [judges[0]]
+    assert most_special(judges, 2, {}, near=1) == judges[:2]
 
 
 def test_marks_of_all_modules_are_bits_of_one_number():
