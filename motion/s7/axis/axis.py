@@ -1029,6 +1029,8 @@ class TechnologyAxis(TechnologyObject):
                 servo.controller.follow(tracked)
                 position.software.check_actual(controlled=False)
                 position.monitoring.step(controlled=False)
+                if self.torque.limits.clamped:
+                    self.torque.step()
         self.write_outputs(output)
         if self._leading is not None:
             self._leading.step()

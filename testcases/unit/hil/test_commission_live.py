@@ -12,8 +12,8 @@ import pytest
 
 from fieldbus.errors import HilError
 from hil.bench import BenchFile
+from testcases.campaigns._drives_of_eds import COUNTS, NODE, drive_eds
 from testcases.processes import PATIENCE_S, Reader, hil_command
-from testcases.unit.hil.eds_of_drives import COUNTS, NODE, drive_eds
 
 pytestmark = pytest.mark.realtime
 

@@ -11,14 +11,11 @@ from hil.cli import main
 from hil.expect import run_checkers
 from motion.drives.cia402_plan import MODES
 from reports.model import Verdict
-from testcases.unit.hil.eds_of_drives import COUNTS, bench_of, built, drive_eds, plan_of
+from testcases.campaigns._drives_of_eds import COUNTS, bench_of, built, drive_eds, plan_of
 
 pytestmark = pytest.mark.exhaustive
 
-READ_ONLY = 0x06010002
-NO_OBJECT = 0x06020000
 NOT_MAPPABLE = 0x06040041
-TOO_LONG = 0x06040042
 PERSONALITY = 'name = "refuses"\nsummary = "Refuses what its EDS promises."\n[refusals]\n'
 
 
@@ -50,40 +47,6 @@ def refused(bench):
         for event in bench.trace().events
         if event.kind == "node.refused"
     ]
-
-
-REFUSED = {
-    "a torque that cannot be mapped": ({"1A00:3": NOT_MAPPABLE}, {}, {"1A00h:3": "6077h cannot be mapped"}),
-    "a first TPDO that cannot be changed": (
-        {"1A00:0": TOO_LONG}, {}, {"1A00h:0": "TPDO 285h carries 6041h, 6064h, 6077h"},
-    ),
-    "a third TPDO that cannot be changed": (
-        {"1A02:0": READ_ONLY}, {}, {"1A02h:0": "TPDO 485h carries 603Fh, 1001h"},
-    ),
-    "a velocity unit": ({"60A9:0": READ_ONLY}, {}, {"60A9h:0": "velocities in units of 1 rpm"}),
-    "a feed constant": ({"6092:1": READ_ONLY}, {"feed": 360}, {"6092h:1": "left as it is"}),
-    "a heartbeat": ({"1017:0": NO_OBJECT}, {}, {"1017h:0": "1017h cannot be written: node guarding"}),
-    "an identifier": (
-        {"1400:1": READ_ONLY},
-        {},
-        {"1400h:1": "left as it is", "1600h:0": "RPDO 305h carries 6040h, 60FFh, 6060h"},
-    ),
-    "a transmission type": ({"1800:2": READ_ONLY}, {}, {"1800h:2": "left as it is"}),
-    "a mode": ({"6060:0": 0x08000022}, {}, {"6060h:0": "left as it is"}),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_a_drive_refuses_is_done_otherwise(tmp_path, case):
-    """A write that is refused although the EDS allows it leads to another plan, and the axis moves."""
-    refusals, options, remedies = REFUSED[case]
-    more = feed_constant(options["feed"]) if "feed" in options else ""
-    with built(refusing_bench(tmp_path, refusals, more=more)) as bench:
-        assert moved(bench) == pytest.approx(1.0, abs=0.003)
-        found = dict(refused(bench))
-    assert found.keys() == remedies.keys()
-    for entry, remedy in remedies.items():
-        assert remedy in found[entry]
 
 
 def feed_constant(feed):
@@ -255,17 +218,6 @@ def test_a_mapping_of_the_user_is_set_up_and_used(tmp_path):
         ({"rpdo1": ("6040h", "60FFh"), "rpdo5": ("6060h",)}, {}, "rpdo5"),
         ({"rpdo1": ("6040", "60FFh")}, {}, "'6040' is no object"),
         ({"tpdo1": ("6041h", "6041h")}, {}, "6041h stands there twice"),
-        ({"tpdo1": ("6041h", "6064h", "606Ch")}, {}, "pdo.tpdo1.*3 objects of 80 bits"),
-        ({"tpdo1": ("6041h", "6066h")}, {}, "pdo.tpdo1.*'6066h'.*an object of the drive"),
-        ({"rpdo1": ("6040h", "6041h")}, {"read_only": (0x6041,)}, "pdo.rpdo1.*'6041h'.*RPDO can carry"),
-        ({"rpdo1": ("6040h", "607Fh")}, {}, "pdo.rpdo1.*'607Fh'.*what the controller sends: 6040h"),
-        ({"tpdo3": ("6041h", "6064h")}, {"count": 2}, "pdo.tpdo3.*a PDO of the drive: TPDO1, TPDO2"),
-        ({"tpdo1": ("6041h",)}, {}, "csv: no PDO carries 6064h"),
-        (
-            {"tpdo1": ("6041h", "6064h")},
-            {"fixed": (0x1800,), "records": {0x1A00: (0x60410010,)}},
-            "pdo.tpdo1.*6041h: the drive does not let TPDO1 be mapped",
-        ),
     ],
 )
 def test_a_mapping_that_is_not_possible_is_refused_with_the_reason(tmp_path, tables, options, message):

@@ -13,7 +13,7 @@ from fieldbus.errors import ConfigurationError
 from hil.bench import BenchFile
 from hil.cli import main
 from motion.drives.cia402_plan import MODES, STANDARD
-from testcases.unit.hil.eds_of_drives import NODE, bench_of, built, drive_eds, plan_of
+from testcases.campaigns._drives_of_eds import NODE, bench_of, built, drive_eds, plan_of
 
 pytestmark = pytest.mark.exhaustive
 

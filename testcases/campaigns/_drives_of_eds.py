@@ -1,12 +1,18 @@
 """EDS files of CiA 402 drives that differ from each other, and benches with one."""
 
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
 from hil.bench import BenchFile
 from hil.bench.drive_config import Cia402DriveTable
 from hil.errors import BlockedError
 
-COUNTS = 4000
-NODE = 5
-NAMES = {
+COUNTS: Final = 4000
+NODE: Final = 5
+NAMES: Final[dict[int, tuple[int, Any]]] = {
     0x1000: (7, "0x00020192"), 0x1001: (5, 0), 0x1005: (7, "0x80"), 0x1006: (7, 0), 0x1017: (6, 0),
     0x100C: (6, 0), 0x100D: (5, 0), 0x1014: (7, "$NODEID+0x80"), 0x603F: (6, 0), 0x6007: (3, 0),
     0x6040: (6, 0), 0x6041: (6, 0), 0x6060: (2, 0), 0x6061: (2, 0), 0x6064: (4, 0), 0x606C: (4, 0),
@@ -18,17 +24,17 @@ NAMES = {
 
 def drive_eds(
     *,
-    without=(),
-    changed=(),
-    fixed=(),
-    records=None,
-    count=4,
-    read_only=(),
-    fixed_ids=(),
-    more="",
-    limits=(),
-    encoder=(COUNTS, 1),
-):
+    without: Collection[int] = (),
+    changed: Mapping[int, Any] | Iterable[tuple[int, Any]] = (),
+    fixed: Collection[int] = (),
+    records: Mapping[int, Sequence[int]] | None = None,
+    count: int = 4,
+    read_only: Collection[int] = (),
+    fixed_ids: Collection[int] = (),
+    more: str = "",
+    limits: Mapping[int, tuple[int, int]] | Iterable[tuple[int, tuple[int, int]]] = (),
+    encoder: Sequence[int] = (COUNTS, 1),
+) -> str:
     """Return the EDS of a drive.
 
     Args:
@@ -77,7 +83,16 @@ def drive_eds(
     return text + more
 
 
-def members(index, kind, values, *, access, kinds=(), length=None):
+def members(
+    index: int,
+    kind: int,
+    values: Sequence[Any],
+    *,
+    access: str,
+    kinds: Sequence[int] = (),
+    length: int | None = None,
+) -> str:
+    """Return the sections of a record or array."""
     text = f"[{index:04X}]\nParameterName=Record {index:04X}\nObjectType=9\nSubNumber={len(values) + 1}\n\n"
     text += (
         f"[{index:04X}sub0]\nParameterName=Count\nDataType=5\nAccessType={access}\nPDOMapping=0\n"
@@ -92,7 +107,8 @@ def members(index, kind, values, *, access, kinds=(), length=None):
     return text
 
 
-def bench_of(folder, eds, keys=""):
+def bench_of(folder: Path, eds: str, keys: str = "") -> BenchFile:
+    """Return a bench with an axis behind a drive of an EDS, which is written into a folder."""
     (folder / "plan.eds").write_text(eds)
     return BenchFile(
         str(folder / "bench.toml"),
@@ -104,7 +120,7 @@ def bench_of(folder, eds, keys=""):
     )
 
 
-def built(file):
+def built(file: BenchFile) -> Any:
     """Return the started bench; one that cannot be used is a failure here, and no reason to skip."""
     try:
         return file.build()
@@ -112,7 +128,8 @@ def built(file):
         raise AssertionError(str(error)) from error
 
 
-def plan_of(file):
+def plan_of(file: BenchFile) -> Any:
+    """Return how the controller uses the drive."""
     table = file.config.drive["d"]
     assert isinstance(table, Cia402DriveTable)
     return table.plan()
