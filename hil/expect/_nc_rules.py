@@ -6,8 +6,10 @@ from typing import Final
 
 import numpy as np
 
-from hil.expect.rules._definition import Excuses, Findings, Flags, Judged, Numbers, Rule
+from hil.expect.rules._bus_values import given_speed
+from hil.expect.rules._definition import Findings, Flags, Judged, Numbers, Rule, last_true
 from hil.expect.rules._pieces import pieces
+from hil.expect.rules._views import DriveView, TraceView
 from hil.record import Trace
 from reports.model import Check
 
@@ -42,10 +44,12 @@ class NcAxisView:
     Args:
         trace: The trace.
         name: The axis.
+        drive: The drive that it moves; None: it has none, or none that is recorded.
 
     """
 
-    def __init__(self, trace: Trace, name: str) -> None:
+    def __init__(self, trace: Trace, name: str, drive: DriveView | None = None) -> None:
+        self.drive = drive
         word = trace[f"{name}.state_dword"]
         self.time_s: Numbers = np.asarray(word.time_s, dtype=np.float64)
         self.word = np.asarray(word.values).astype(np.int64)
@@ -191,6 +195,50 @@ def _set_velocity(axis: NcAxisView) -> Judged | None:
     return axis.judged(where, off, "the set velocity is not the integral of the set acceleration")
 
 
+def _generates(axis: NcAxisView) -> Flags:
+    """Return the cycles in which a job of the axis moves it, and has moved it before."""
+    moves = axis.generated & (np.abs(axis.velocity) > _STANDS)
+    return last_true(moves, 1)
+
+
+def _shows_direction(axis: NcAxisView) -> Judged | None:
+    if axis.two_speed or len(axis.time_s) < 4:
+        return None
+    missing = ~axis.bit(_FORWARD) & (axis.velocity > _STANDS) | ~axis.bit(_BACKWARD) & (
+        axis.velocity < -_STANDS
+    )
+    return axis.judged(_generates(axis), missing, "no direction in StateDWord with a set velocity")
+
+
+def _speed_given(axis: NcAxisView) -> Judged | None:
+    drive = axis.drive
+    found = None if drive is None or drive.number("live") else given_speed(drive)
+    if drive is None or found is None or not axis.cycle_s or len(axis.time_s) < 10:
+        return None
+    sent, step = found
+    at = np.searchsorted(axis.time_s, sent.time_s - 1e-9, side="right") - 1
+    near = (at >= 0) & (sent.time_s - axis.time_s[np.maximum(at, 0)] < 0.5 * axis.cycle_s)
+    if drive.has("mode"):
+        # With a position interface the speed on the bus is that of the set position alone.
+        before = np.clip(np.searchsorted(drive.time_s, sent.time_s) - 1, 0, len(drive.time_s) - 1)
+        near &= drive.shows("mode", "csv")[before]
+    output = axis.output[np.maximum(at, 0)]
+    moved = near & (np.abs(output) > 0.02) & (sent.values != 0.0)
+    # The scale is that of most frames; an axis that stands still needs none.
+    scale = float(np.median(sent.values[moved] / output[moved])) if np.count_nonzero(moved) > 20 else 0.0
+    judged = near & ((output == 0.0) | (scale != 0.0))
+    off = np.abs(sent.values - scale * output)
+    return Judged(
+        sent.time_s,
+        judged,
+        judged & (off > 2.0 * step + 1e-3 * np.abs(scale * output) + 1e-5 * abs(scale)),
+        lambda k: (
+            f"{sent.values[k]:.6g} rpm is sent with an output of {output[k]:.5g}, of which 1 is "
+            f"{scale:.6g} rpm"
+        ),
+    )
+
+
 NC_RULES: Final[tuple[Rule[NcAxisView], ...]] = (
     Rule(
         name="error code and status",
@@ -257,6 +305,22 @@ NC_RULES: Final[tuple[Rule[NcAxisView], ...]] = (
         "the set position",
         judge=_set_velocity,
     ),
+    Rule(
+        name="direction is shown",
+        says="PositiveDirection or NegativeDirection is set while a job moves the axis",
+        requirements=("NC-449", "NC-450"),
+        tolerance="from the second cycle of a motion on; not of two-speed axes",
+        judge=_shows_direction,
+    ),
+    Rule(
+        name="speed setpoint of the drive",
+        says="the speed setpoint that the drive gets is the output of its own axis, by one scale",
+        requirements=("NC-148", "NC-029"),
+        tolerance="0.1 %, and two steps of the setpoint",
+        judge=_speed_given,
+        excused_by=("frame.", "telegram.", "can.", "controller.", "drive."),
+        recovery_s=0.1,
+    ),
 )
 """Rules that hold for every NC axis, whatever a case is about. Those of drives, buses and mechanics hold
 besides; those of jobs, alarms and setpoints of technology objects find nothing to judge.
@@ -269,7 +333,11 @@ def check_nc_axes(trace: Trace) -> list[Check]:
         return []
     names = [name.removesuffix(".state_dword") for name in trace.names() if name.endswith(".state_dword")]
     found = Findings(NC_RULES)
-    for part, span_s in pieces(trace):
+    for part, span_s in pieces(trace) if names else ():
+        whole = TraceView(part)
+        pairs = {} if part.vocabulary is None else dict(part.vocabulary.drives)
         for name in names:
-            found.look(name, NcAxisView(part, name), Excuses([]), cycle_s=0.0, span_s=span_s)
+            drive = pairs.get(name, "")
+            view = NcAxisView(part, name, whole.drive(drive))
+            found.look(name, view, whole.excuses((name, drive)), cycle_s=view.cycle_s, span_s=span_s)
     return found.checks()

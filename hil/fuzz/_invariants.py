@@ -64,7 +64,9 @@ class OneJobOutput(Invariant):
     def cycle(self) -> str:
         """Look at the outputs of all instances of the program."""
         for job in self.jobs:
-            shown = [name for name in _OUTPUTS if getattr(job, name, False)]
+            # A block of an NC that is enabled stays busy with its error.
+            outputs = _OUTPUTS if hasattr(job, "Execute") else _ENDS
+            shown = [name for name in outputs if getattr(job, name, False)]
             if len(shown) > 1:
                 return f"{job.name} shows {' and '.join(shown)}"
         return ""

@@ -26,7 +26,7 @@ def _sent_speed(drive: DriveView) -> tuple[Series, float] | None:
     return _speed(drive, "velocity", "actual.NIST")
 
 
-def _given_speed(drive: DriveView) -> tuple[Series, float] | None:
+def given_speed(drive: DriveView) -> tuple[Series, float] | None:
     """Return the speed setpoint that is sent to a drive, rpm, and its resolution."""
     return _speed(drive, "target_velocity", "setpoint.NSOLL")
 
@@ -220,7 +220,7 @@ STATUS_SENT: Final = Rule(
 
 def _speed_demanded(drive: DriveView) -> Judged | None:
     """Compare the demand of the servo with what was on the bus before the SYNC before."""
-    found = _given_speed(drive)
+    found = given_speed(drive)
     if found is None or not drive.has("velocity_demand") or drive.number("live"):
         return None
     axis = drive.axis
@@ -277,7 +277,7 @@ DRIVE_RULES: Final[tuple[Rule[DriveView], ...]] = (
 
 def _speed_given(axis: AxisView) -> Judged | None:
     drive = axis.drive
-    found = None if drive is None else _given_speed(drive)
+    found = None if drive is None else given_speed(drive)
     if drive is None or found is None or not axis.has("speed_output", "state") or drive.number("live"):
         return None
     sent, step = found
