@@ -13,7 +13,7 @@ from hil.campaign import Campaign, CaseContext
 from hil.expect import always, no_alarm
 from testcases.campaigns._reactions import calls, cycles
 from testcases.campaigns.own_axis import own
-from testcases.campaigns.support import axis_name, drive_name, enable
+from testcases.campaigns.support import axis_name, drive_name, enable, equal
 
 _HERE: Final = "testcases.campaigns.axis_motion"
 _TEXT: Final = load_bench("reference").text
@@ -150,6 +150,35 @@ def superimposed_room(ctx: CaseContext) -> None:
     )
 
 
+@CAMPAIGN.case("superimposed-again", requirements=("MC-344", "MC-353", "MC-357"))
+def superimposed_again(ctx: CaseContext) -> None:
+    """A superimposed motion that supersedes another one adds its distance to what that one has covered, also
+    to the other side.
+    """
+    axis, values = axis_name(ctx), own(ctx)
+    enable(ctx)
+    inputs = {"VelocityDiff": values.given(values.speed(0.2)), **values.dynamics().without_jerk().inputs}
+    slack = 2.0 * values.speed(0.2) * calls(ctx, 2)
+    for first, second in ((0.2, 0.11), (-0.2, 0.13)):
+        one = ctx.axis.move_superimposed(values.way(first), **inputs)
+        ctx.run_for(0.35)
+        begun, covered = _setpoint(ctx, axis), ctx.axis.var("StatusPositioning.SuperimposedDistance")
+        two = ctx.axis.move_superimposed(values.way(second), **inputs)
+        ctx.run_for(calls(ctx, 4))
+        equal(ctx, "CommandAborted of the first", one.CommandAborted, 1, "MC-357")
+        shown = 0.0
+        while not two.done() and not two.error():
+            # Behind the end it is 0 again.
+            shown = float(ctx.axis.var("StatusPositioning.SuperimposedDistance")) or shown
+            ctx.run_for(calls(ctx, 1))
+        way = _setpoint(ctx, axis) - begun
+        equal(ctx, "way of the second", way, values.way(second), "MC-344", within=slack)
+        equal(
+            ctx, "SuperimposedDistance at last", shown, covered + values.way(second), "MC-353", within=slack
+        )
+        ctx.run_for(0.05)
+
+
 def _setpoint(ctx: CaseContext, axis: str) -> float:
     return float(ctx.trace()[f"{axis}.position_setpoint"].values[-1])
 
@@ -249,6 +278,32 @@ def switched(ctx: CaseContext, mode: int) -> None:
             requirements=("CFG-329",),
         )
     ctx.expect(no_alarm(axis=axis))
+
+
+@ENCODERS.case("homed", requirements=("HOM-001", "HOM-002", "HOM-141"))
+def homed(ctx: CaseContext) -> None:
+    """A direct homing moves the positions of all encoders alike: what they were apart they stay apart."""
+    axis, values = ctx.axis, own(ctx)
+    scale = ctx.bench.config.axis[axis_name(ctx)].encoders[1]
+    enable(ctx)
+    ctx.inject("encoder.jump", scale, increments=max(round(values.way(0.0008) / values.increments[1]), 8))
+    ctx.run_for(0.1)
+
+    def apart() -> float:
+        return float(axis.var("StatusSensor[2].Position") - axis.var("StatusSensor[1].Position"))
+
+    slack = 3.0 * max(values.increments)
+    before = apart()
+    for mode, share in ((0, 0.31), (1, 0.17), (1, -0.23), (11, -0.42), (12, 0.13)):
+        position = float(axis.var("Position"))
+        value = values.way(share)
+        ctx.wait_until(axis.home(value, mode=mode).done, 1.0, f"mode {mode} is done")
+        ctx.run_for(cycles(ctx, 4))
+        wanted = value + (position if mode in (1, 12) else 0.0)
+        identifier = {0: "HOM-001", 1: "HOM-002"}.get(mode, "HOM-141")
+        for name, found, goal in (("Position", axis.var("Position"), wanted), ("apart", apart(), before)):
+            equal(ctx, f"mode {mode}: {name}", float(found), goal, identifier, within=slack)
+    ctx.expect(no_alarm(axis=axis_name(ctx)))
 
 
 @BACKLASH.product(

@@ -272,6 +272,48 @@ def torque_additive(ctx: CaseContext) -> None:
     outputs.release()
 
 
+def _sent(ctx: CaseContext, column: str) -> float:
+    """Return what the drive has got of a signal last, 4000h as 1."""
+    word = int(ctx.trace()[f"{drive_name(ctx)}.{column}"].values[-1]) & 0xFFFF
+    return (word - 0x10000 if word >= 0x8000 else word) / 0x4000
+
+
+POUND_FOOT: Final = 0.45359237 * 9.80665 * 0.3048
+"""lbf ft, Nm."""
+IN_POUND_FEET: Final = TORQUE_BENCH.configured(
+    {
+        "axis": {
+            "axis1": {
+                "variables": {
+                    "Units.TorqueUnit": 1530,
+                    "Actor.DriveParameter.ReferenceTorque": REFERENCE_NM / POUND_FOOT,
+                }
+            }
+        }
+    }
+)
+OTHER_UNIT: Final = Campaign(
+    "torque in another unit", tags=("axis", "torque"), bench=f"{_HERE}:IN_POUND_FEET"
+)
+
+
+@OTHER_UNIT.case("sent", requirements=("CFG-083", "MC-515", "MC-525", "MC-526"))
+def torque_in_another_unit(ctx: CaseContext) -> None:
+    """What the program gives in lbf ft reaches the drive as its share of the reference torque in Nm."""
+    enable(ctx)
+    outputs = Outputs(ctx)
+    full = REFERENCE_NM / POUND_FOOT
+    for share in (0.25, -0.125):
+        job = outputs.watch(ctx.axis.torque_additive(share * full))
+        outputs.calls(6)
+        equal(ctx, f"M_ADD for {share:g}", _sent(ctx, "m_add"), share, "MC-515", within=1e-3)
+        total = ctx.axis.var("StatusTorqueData.TotalTorqueAdditive")
+        equal(ctx, "TotalTorqueAdditive, lbf ft", total, share * full, "CFG-083", within=1e-6)
+        job.lower()
+        outputs.calls(6)
+        outputs.release()
+
+
 @TORQUE.case("exclusive", requirements=("MC-533", "MC-616", "MC-414", "OVR-108", "OVR-109", "OVR-110"))
 def torque_exclusive(ctx: CaseContext) -> None:
     """Range and limiting exclude each other; `MC_Stop` refuses all three; an alarm leaves them active."""

@@ -673,6 +673,26 @@ def temperature(ctx: CaseContext, part: str, sub: int, warm: float, hot: float, 
     node.shows(0x2100, 0, "C402-041", signed=False)
 
 
+@CAMPAIGN.case("operating-time")
+def operating_time(ctx: CaseContext) -> None:
+    """The operating time counts while there is supply, over all sessions; a fault keeps the time of its
+    instant.
+    """
+    node = drive(ctx)
+    begun_ms = node.read(0x2106, signed=False) - 1000.0 * ctx.now_s
+    off_s = 0.0
+    for _ in range(3):
+        ctx.run_for(0.1)
+        ctx.inject("drive.fault", DRIVE, code=0x2310)
+        ctx.run_for(0.01)
+        struck_ms = begun_ms + 1000.0 * (ctx.now_s - 0.01 - off_s)
+        node.shows(0x2105, struck_ms, sub=1, within=3.0, signed=False)
+        node.shows(0x2106, begun_ms + 1000.0 * (ctx.now_s - off_s), within=4.0, signed=False)
+        ctx.inject("drive.power_off", DRIVE, duration_s=0.07)
+        off_s += 0.07
+        ctx.run_for(0.3)
+
+
 @CAMPAIGN.case("overload", requirements=("C402-160", "C402-016"))
 def overload(ctx: CaseContext) -> None:
     """A blocked motor at three times its torque: i2t rises, warns, trips with 2310h at 105 %, and has to

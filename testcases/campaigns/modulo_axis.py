@@ -7,7 +7,7 @@ from typing import Final
 from hil.bench import BenchFile, load_bench
 from hil.campaign import Campaign, CaseContext
 from hil.expect import no_alarm
-from testcases.campaigns.support import axis_name, drive_name, enable
+from testcases.campaigns.support import axis_name, drive_name, enable, equal
 
 BENCH: Final[BenchFile] = load_bench("reference").configured(
     {
@@ -47,3 +47,25 @@ def modulo_place(ctx: CaseContext, way: str, direction: int, distance: float) ->
         "way of the machine", moved, "mm", low=distance - 0.1, high=distance + 0.1, requirements=("MC-255",)
     )
     ctx.expect(no_alarm(axis=axis))
+
+
+@CAMPAIGN.case("half-a-range", requirements=("CFG-122", "MC-255"))
+def half_a_range(ctx: CaseContext) -> None:
+    """To the place opposite both ways are alike: the positive one is taken, by a positioning and by a direct
+    homing.
+    """
+    axis = ctx.axis
+    enable(ctx)
+    ctx.wait_until(axis.home(90.0, mode=11).done, 1.0, "the setpoint is 90")
+    for target in (270.0, 90.0):
+        begun = float(ctx.trace()[f"{drive_name(ctx)}.position"].values[-1])
+        ctx.wait_until(axis.move_absolute(target, Direction=3, Velocity=400.0).done, 3.0, f"at {target:g}")
+        moved = (float(ctx.trace()[f"{drive_name(ctx)}.position"].values[-1]) - begun) * 1000.0
+        equal(ctx, f"way of the machine to {target:g}, mm", moved, 180.0, "MC-255", within=0.1)
+    for place, turns in ((270.0, 0), (90.0, 1)):
+        cycle = axis.var("ModuloCycle")
+        ctx.wait_until(axis.home(place, mode=11).done, 1.0, "the setpoint is set")
+        ctx.run_for(0.02)
+        equal(ctx, "Position", axis.var("Position"), place, within=1e-6)
+        equal(ctx, f"ModuloCycle at {place:g}", axis.var("ModuloCycle") - cycle, turns, "CFG-122")
+    ctx.expect(no_alarm(axis=axis_name(ctx)))

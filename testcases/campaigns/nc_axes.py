@@ -157,6 +157,59 @@ def move(ctx: CaseContext, block: str, name: str, target: float) -> None:
     equal(ctx, "Done, not Busy, no error", motion.Done - motion.Busy - motion.Error, 1)
 
 
+@CAMPAIGN.case("target-window", requirements=("NC-152", "NC-153", "NC-154", "NC-155"))
+def target_window(ctx: CaseContext) -> None:
+    """An axis that is pushed off its target leaves the windows at once, and is in its target again when it
+    has been within the window for the whole monitoring time, each time anew.
+    """
+    one = axis(ctx)
+    window, dwell_s = 0.5, 0.06
+    for name, value in (
+        ("position_lag_monitoring", False),
+        ("target_position_monitoring", True),
+        ("target_position_window", window),
+        ("target_position_monitoring_time", dwell_s),
+        ("position_range_monitoring", True),
+        ("position_range_window", 2.0 * window),
+    ):
+        one.write_parameter(f"axis.{name}", value)
+    target = 12.0
+    until(ctx, one.move_absolute(target, Velocity=180.0, **FAST).done)
+    ctx.run_for(2.0 * dwell_s)
+    per_mm = ctx.bench.config.drive["motor"].increments_per_revolution / 10.0
+    for push_mm in (3.0, -4.0):
+        ctx.inject("encoder.jump", "motor", increments=round(push_mm * per_mm))
+        inside_s = ctx.now_s
+        left = False
+        while ctx.now_s - inside_s < dwell_s + 0.02:
+            ctx.run_for(CYCLE_S)
+            one.ref.ReadStatus()
+            deviation = abs(one.ref.NcToPlc.ActPos - target)
+            left = left or deviation > window
+            if deviation > window:
+                inside_s = ctx.now_s
+            waited = ctx.now_s - inside_s
+            if left and abs(deviation - window) > 0.02 and abs(waited - dwell_s) > 1.5 * CYCLE_S:
+                equal(
+                    ctx,
+                    f"InTargetPosition {waited:.3f} s within the window",
+                    one.ref.Status.InTargetPosition,
+                    waited > dwell_s,
+                    "NC-154",
+                    "NC-155",
+                )
+            if left and abs(deviation - 2.0 * window) > 0.02:
+                equal(
+                    ctx,
+                    f"InPositionArea at {deviation:.2f} mm",
+                    one.ref.Status.InPositionArea,
+                    deviation < 2.0 * window,
+                    "NC-152",
+                    "NC-153",
+                )
+        equal(ctx, "it has left the window", left, 1)
+
+
 @CAMPAIGN.product(
     "ramp/{which}",
     parameters={"which": ("acceleration", "deceleration", "jerk", "default", "override")},

@@ -318,6 +318,24 @@ def delayed_error(ctx: CaseContext) -> None:
         until(ctx, lead.halt().done)
 
 
+@OF_SLAVES.case("delayed-error/again", requirements=("NC-197", "NC-198"))
+def delayed_error_again(ctx: CaseContext) -> None:
+    """An error that is acknowledged before the delay is over does not count for the next one."""
+    slave, lead = _coupled(ctx, "delayed")
+    for number, wait_s in ((1, 0.06), (2, 0.07)):
+        slave.object.raise_error(0x4550)
+        ctx.run_for(wait_s)
+        equal(ctx, f"error of the master during error {number}", lead.error_id, 0, "NC-198")
+        until(ctx, slave.reset().done)
+        ctx.run_for(0.02)
+        equal(ctx, "ErrorPropagationDelayed", slave.ref.NcToPlc.StateDWord >> 6 & 1, 0)
+        equal(ctx, "CoupleState", slave.ref.NcToPlc.CoupleState, 3)
+    since = ctx.now_s
+    slave.object.raise_error(0x4550)
+    ctx.wait_until(lambda: lead.error_id, 0.2, "the error reaches the master")
+    equal(ctx, "delay", ctx.now_s - since, 0.1, "NC-198", within=2 * _CYCLE_S)
+
+
 @OF_SLAVES.case("master-off", requirements=("NC-199", "NC-200", "NC-213"))
 def master_off(ctx: CaseContext) -> None:
     """Behind a master that is switched off a slave stays where it is, or follows the actual value where its

@@ -219,6 +219,30 @@ def words(ctx: CaseContext) -> None:
     equal(ctx, "NSOLL_B at rest", one.object.device.words["NSOLL_B"], 0, "NC-417", within=1000.0)
 
 
+BOTH_EDGES: Final = BenchFile(
+    "nc fast stop, both edges",
+    INPUT.text.replace("Falling Edge", "Both Edges").replace(INPUT.name, "nc fast stop, both edges"),
+)
+OF_EDGES: Final = Campaign(
+    "nc fast stop, both edges",
+    tags=("nc",),
+    controller="nc",
+    bench=f"{_HERE}:BOTH_EDGES",
+)
+
+
+@OF_EDGES.case("first-level", requirements=("NC-121",))
+def first_level(ctx: CaseContext) -> None:
+    """The level that the input has at the start is no edge; the first edge stops the axis."""
+    one = axis(ctx)
+    ctx.run_for(0.1)
+    stops = ctx.trace().select(kind="axis.fast_stop")
+    equal(ctx, "fast stops before anything moves", len(list(stops)), 0, "NC-121")
+    job = one.move_velocity(90.0, Acceleration=5000.0, Jerk=1e6)
+    until(ctx, job.aborted, "the input has stopped the axis")
+    equal(ctx, "fast stops", len(list(ctx.trace().select(kind="axis.fast_stop"))), 1)
+
+
 @OF_INPUT.case("fast-stop", requirements=("NC-113", "NC-120"))
 def fast_stop(ctx: CaseContext) -> None:
     """The input stops the axis with the fast deceleration, without an error, and locks it."""
