@@ -108,6 +108,7 @@ SHIPPED: Final = (
     ShippedCampaign("profidrive_parameters", seeding=("own",)),
     ShippedCampaign("profidrive_options", seeding=("own",)),
     ShippedCampaign("profidrive_facts", seeding=("own",)),
+    ShippedCampaign("parameter_access", seeding=("own",)),
     ShippedCampaign("profidrive_channels", seeding=("own",)),
     ShippedCampaign("profidrive_safety", seeding=("own",)),
     ShippedCampaign("pulse_module", seeding=("own",)),
