@@ -6,8 +6,8 @@
 the build of a wheel with `HIL_COMPILE=1` does (`hatch_build.py`). The sources stay ordinary Python, which
 always runs as it is; `core.toml` says what is compiled. Needs mypy, setuptools and a C compiler. C files and
 object files are kept in the working folder, so that a change within functions compiles a few of them again.
-`CC=tcc` in the environment takes seconds in place of minutes: what it makes gives the same results, but is
-slower than pure Python.
+`CC=tcc` in the environment takes seconds in place of minutes: what it makes gives the same results, but is a
+third as fast as what gcc makes.
 """
 
 from __future__ import annotations
@@ -298,8 +298,8 @@ class _Build:
         self._used: set[Path] = set()
         self._compiler = shlex.split(os.environ.get("CC") or str(sysconfig.get_config_var("CC") or "cc"))
         self._optimise = [f"-O{optimise}"]
-        if "tcc" not in Path(self._compiler[0]).name:  # it knows none of them
-            self._optimise += settings()["flags"]
+        only_macros = "tcc" in Path(self._compiler[0]).name  # it knows no other flags
+        self._optimise += [flag for flag in settings()["flags"] if flag.startswith("-D") or not only_macros]
         self._headers_of_mypyc = include_dir()
         self._headers = hashlib.sha256(
             b"".join(path.read_bytes() for path in sorted(work.glob("*.h")))

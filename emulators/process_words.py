@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from operator import itemgetter
 from struct import Struct
-from typing import Final
+from typing import Any, Final
 
 from fieldbus.canopen.nmt import NmtState
 from fieldbus.canopen.pdo import ReceivePdo
@@ -59,11 +59,12 @@ class ProcessWords:
                 raise ConfigurationError("telegram", f"{words} words", f"at most {WORDS} words")
         self._slave = slave
         self._keys_in = tuple(RECEIVE_WORD + word << 8 for word in range(out))
-        self._keys_out = tuple(SEND_WORD + word << 8 for word in range(back))
+        # Any: compiled, an integer would be made again for every access.
+        self._keys_out: list[Any] = [SEND_WORD + word << 8 for word in range(back)]
         first, *others = self._keys_in
         self._gather = itemgetter(first, *others) if others else lambda values: (values[first],)
-        self._to_frame = Struct(f">{out}h")
-        self._from_words = Struct(f">{back}h")
+        self._pack = Struct(f">{out}h").pack
+        self._unpack = Struct(f">{back}h").unpack
         self._carriers: tuple[_Carrier, ...] = ()
         self._touches = False
         self._kept_back = False
@@ -91,14 +92,14 @@ class ProcessWords:
             carrier.taken = count
         if not complete:
             return None
-        return self._to_frame.pack(*self._gather(self._slave.values))
+        return self._pack(*self._gather(self._slave.values))
 
     def give(self, frame: bytes) -> None:
         """Let an answer go with the next TPDOs."""
         if self._kept_back:
             self._kept_back = False
             self._slave.pdos.mute(frozenset())
-        words = self._from_words.unpack(frame)
+        words = self._unpack(frame)
         values = self._slave.values
         for place, key in enumerate(self._keys_out):
             values[key] = words[place]

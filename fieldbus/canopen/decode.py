@@ -9,7 +9,7 @@ from fieldbus import cia406
 from fieldbus.can.frame import CanFrame
 from fieldbus.canopen.abort import SdoAbort
 from fieldbus.canopen.decode_sdo import SdoListener
-from fieldbus.canopen.dictionary import INTEGERS, Entry, ObjectValue, entries_of
+from fieldbus.canopen.dictionary import INTEGERS, Entry, ObjectValue, readable_entries
 from fieldbus.canopen.nmt import (
     COB_EMCY,
     COB_ERROR_CONTROL,
@@ -363,7 +363,7 @@ class _Node:
     def __init__(self, node_id: int, name: str, dictionary: canopen.ObjectDictionary | None) -> None:
         self.node_id = node_id
         self.name = name
-        self.entries: dict[int, Entry] = {} if dictionary is None else entries_of(dictionary, node_id)
+        self.entries: dict[int, Entry] = {} if dictionary is None else readable_entries(dictionary, node_id)
         self._defaults: dict[int, ObjectValue] = {
             key: entry.default
             for key, entry in self.entries.items()

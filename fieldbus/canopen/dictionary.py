@@ -326,13 +326,26 @@ def entries_of(dictionary: canopen.ObjectDictionary, node_id: int) -> dict[int, 
         ConfigurationError: The dictionary has no entry at 1000h or above.
 
     """
+    known = readable_entries(dictionary, node_id)
+    if _PROTOTYPES not in vars(dictionary):
+        return known
+    return {key: _copied(entry) for key, entry in known.items()}
+
+
+def readable_entries(dictionary: canopen.ObjectDictionary, node_id: int) -> dict[int, Entry]:
+    """Return the same for somebody who changes none of them: a shared dictionary has them once for all.
+
+    Raises:
+        ConfigurationError: As `entries_of`.
+
+    """
     prototypes = vars(dictionary).get(_PROTOTYPES)
     if prototypes is None:
         return _read_entries(dictionary, node_id)
-    known = prototypes.get(node_id)
+    known: dict[int, Entry] | None = prototypes.get(node_id)
     if known is None:
         known = prototypes[node_id] = _read_entries(dictionary, node_id)
-    return {key: _copied(entry) for key, entry in known.items()}
+    return known
 
 
 def _copied(entry: Entry) -> Entry:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from operator import itemgetter
 from struct import Struct, error
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.canopen.dictionary import INTEGERS, Entry, ObjectValue
@@ -26,6 +26,8 @@ _CODES: Final = {
     (64, False): "Q",
 }
 
+_Key = Any
+"""Key of an object, an integer that stays an object: compiled, it would be made again for every access."""
 Sampler = Callable[[], bytes]
 """Returns the payload of a TPDO from the present values."""
 Applier = Callable[[bytes], None]
@@ -144,7 +146,7 @@ def sampler(layout: Layout, values: dict[int, ObjectValue], hooks: dict[int, Rea
     """Return the code that reads all mapped objects at one instant and packs them (C301-056)."""
     keys = layout.keys
     code = _compile(layout)
-    reads = [(key, hooks[key]) for key in keys if key in hooks]
+    reads: list[tuple[_Key, ReadHook]] = [(key, hooks[key]) for key in keys if key in hooks]
     if code is None or not keys:
 
         def sample() -> bytes:
@@ -180,7 +182,7 @@ def sampler(layout: Layout, values: dict[int, ObjectValue], hooks: dict[int, Rea
     return sample_all
 
 
-def _read(reads: Sequence[tuple[int, ReadHook]], values: dict[int, ObjectValue]) -> None:
+def _read(reads: list[tuple[_Key, ReadHook]], values: dict[int, ObjectValue]) -> None:
     for key, hook in reads:
         try:
             values[key] = hook()
@@ -192,8 +194,8 @@ def applier(layout: Layout, store: ObjectStore) -> Applier:
     """Return the code that stores a payload: limits and device hooks first, object by object (C301-076)."""
     values = store.values
     code = _compile(layout)
-    keys = layout.keys
-    plan: list[tuple[int, WriteHook | None]] = []
+    keys: list[_Key] = layout.keys
+    plan: list[tuple[_Key, WriteHook | None]] = []
     for field in layout.fields:
         entry = field.entry
         if entry is not None:

@@ -566,16 +566,17 @@ class CiA402Drive(MainsDrive):
         core = self.core
         values = self.slave.values
         return servo_values(self.mechanics, core) + (  # noqa: RUF005 - a sum makes no list
-            self.axis.following_error,
-            core.encoder.increments,
+            # Compiled, for a quarter of what it costs when the recorder packs them.
+            float(self.axis.following_error),
+            float(core.encoder.increments),
             values[0x604000],
             values[0x604100],
             self.machine.state,
-            self.function.mode.number,
+            float(self.function.mode.number),
             self.slave.nmt_state,
-            self.digital_inputs.value,
-            self.parameters.outputs,
-            core.brake.holding_torque_Nm > 0.0,
+            float(self.digital_inputs.value),
+            float(self.parameters.outputs),
+            float(core.brake.holding_torque_Nm > 0.0),
             values[0x603F00],
         )
 
