@@ -134,6 +134,7 @@ SHIPPED: Final = (
     ShippedCampaign("limits_in_motion", seeding=("own", "pairwise")),
     ShippedCampaign("job_queue", seeding=("own",)),
     ShippedCampaign("rare_jobs", seeding=("own",)),
+    ShippedCampaign("object_lifecycles", seeding=("own",)),
     ShippedCampaign("drive_parameters", seeding=("own",)),
     ShippedCampaign("library", seeding=("own",)),
     ShippedCampaign("homing_anywhere", seeding=("own", "pairwise")),
