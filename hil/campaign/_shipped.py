@@ -135,6 +135,7 @@ SHIPPED: Final = (
     ShippedCampaign("job_queue", seeding=("own",)),
     ShippedCampaign("rare_jobs", seeding=("own",)),
     ShippedCampaign("object_lifecycles", seeding=("own",)),
+    ShippedCampaign("stops_meet", seeding=("own",)),
     ShippedCampaign("drive_parameters", seeding=("own",)),
     ShippedCampaign("library", seeding=("own",)),
     ShippedCampaign("homing_anywhere", seeding=("own", "pairwise")),
