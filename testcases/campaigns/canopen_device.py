@@ -958,6 +958,13 @@ def bit_rates(ctx: CaseContext) -> None:
     segment.is_so("still silent", ask(CLIENT, read), [], "C301-157")
     segment.run_us(20_000)
     segment.is_so("back", len(ask(CLIENT, read)), 1, "C301-157")
+    # A bit rate that was asked for and not stored is gone with a reset: there is nothing to activate.
+    ask(0x7E5, b"\x13\0\0")
+    master.send(CanFrame(0, bytes((NmtCommand.RESET_NODE, NODE))))
+    segment.run_us(5_000)
+    ask(0x7E5, b"\x04\1")
+    ask(0x7E5, b"\x15\x32")
+    segment.is_so("answers after a reset", len(ask(CLIENT, read)), 1, "C301-157")
 
 
 @CAMPAIGN.product(

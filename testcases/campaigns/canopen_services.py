@@ -434,6 +434,22 @@ def emcy(ctx: CaseContext) -> None:
     node.equal("last EMCY is 0000h 00h", ends[-1][:3] == b"\0\0\0", 1, "C301-109")
     node.shows(0x1001, 0)
     node.control(0x00)
+    # With an inhibit time every EMCY keeps its distance from the one before.
+    node.write(0x1015, 150)
+    ctx.run_for(0.05)
+    node.taken(0x80 + NODE)
+    for code in (0x4310, 0x3210, 0x2310, 0x8611):
+        ctx.inject("drive.fault", DRIVE, code=code)
+    ctx.run_for(0.1)
+    gaps = [b - a for a, b in pairwise(node.times(0x80 + NODE))]
+    node.equal(f"EMCYs within the inhibit time {len(gaps)}", len(gaps) >= 3, 1)
+    for gap in gaps:
+        node.equal("distance of EMCYs, s", gap, 0.015, "C301-110", within=0.001)
+    node.control(0x80, 0.1)
+    node.control(0x00)
+    node.write(0x1015, 0)
+    node.write(0x1003, 0)
+    node.taken(0x80 + NODE)
     node.write(0x1014, 1 << 31 | 0x80 + NODE)
     ctx.inject("drive.fault", DRIVE, code=0x4310)
     ctx.run_for(0.05)
@@ -504,6 +520,16 @@ def tpdo_event(ctx: CaseContext) -> None:
     node.equal("frames of the timer", len(times), 3, "C301-048")
     for count, time_s in enumerate(times, 1):
         node.equal("time of a frame, s", time_s, 0.04 * count, "C301-048", within=0.003)
+    # An event in between begins the timer anew.
+    ctx.run_for(0.015)
+    node.taken(0x180 + NODE)
+    ctx.run_for(0.012)
+    begun = ctx.now_s
+    node.control(0x06, 0.05)
+    times = [time_s - begun for time_s in node.times(0x180 + NODE)]
+    node.equal("time of the event, s", times[0], 0.0, "C301-048", within=0.002)
+    node.equal("time of the timer behind it, s", times[1] - times[0], 0.04, "C301-048", within=0.002)
+    node.control(0x07)
     node.write(0x1800, 0, 5)
     node.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
     node.write(0x1800, 1 << 31 | 0x180 + NODE, 1)

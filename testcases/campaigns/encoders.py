@@ -220,6 +220,7 @@ def speed(ctx: CaseContext) -> None:
     "cam/{name}",
     parameters=[
         {"name": "plain", "polarity": 0, "enable": 1, "states": (0, 1, 1, 1, 0)},
+        {"name": "alone", "polarity": 0xFE, "enable": 1, "states": (0, 1, 1, 1, 0)},
         {"name": "inverted", "polarity": 1, "enable": 1, "states": (1, 0, 0, 0, 1)},
         {"name": "disabled", "polarity": 1, "enable": 0, "states": (0, 0, 0, 0, 0)},
     ],

@@ -232,23 +232,26 @@ def gear_out_behind(ctx: CaseContext) -> None:
     )
 
 
-@CAMPAIGN.case(
-    "limit/velocity", title="The leading axis is too fast for the follower", requirements=("SYN-146",)
+@CAMPAIGN.product(
+    "limit/velocity/{numerator}",
+    parameters={"numerator": (6, -6)},
+    title="The leading axis is too fast for the follower, {numerator}:1",
+    requirements=("SYN-146",),
 )
-def too_fast(ctx: CaseContext) -> None:
+def too_fast(ctx: CaseContext, numerator: int) -> None:
     """The follower waits at its own limit, and gets in gear when the leading axis is slower."""
     here = machine(ctx)
-    job = here.follower.gear_in(here.leader, 6, 1)
+    job = here.follower.gear_in(here.leader, numerator, 1)
+    sign = 1.0 if numerator > 0 else -1.0
     here.lead()
     ctx.run_for(1.2)
-    ctx.measure("velocity", here.follower.var("Velocity"), "mm/s", low=_MAXIMUM, high=_MAXIMUM)
+    ctx.measure("velocity", sign * here.follower.var("Velocity"), "mm/s", low=_MAXIMUM, high=_MAXIMUM)
     ctx.measure("InGear", float(job.InGear), high=0.0)
     ctx.expect(no_alarm(besides=(501, 504)))
     here.lead(50.0)
     ctx.wait_until(job.in_gear, 3.0, "the axis is in gear")
-    ctx.measure(
-        "velocity in gear", here.follower.var("Velocity"), "mm/s", low=6 * 50.0 - 1e-6, high=6 * _MAXIMUM
-    )
+    speed = sign * here.follower.var("Velocity")
+    ctx.measure("velocity in gear", speed, "mm/s", low=6 * 50.0 - 1e-6, high=6 * _MAXIMUM)
 
 
 @CAMPAIGN.case("leader-off", title="MC_Power off with a ramp on the leading axis", requirements=("SYN-293",))

@@ -428,10 +428,11 @@ def superposed(ctx: CaseContext) -> None:
     ctx.run_for(0.01)
     difference = slave.ref.NcToPlc.SetPos - lead.ref.NcToPlc.SetPos - off
     equal(ctx, "way on top", difference, 6.0, "NC-032", within=1e-6)
-    slave.move_superimposed(-20.0, 30.0)
+    moving = slave.move_superimposed(-20.0, 30.0)
     ctx.run_for(0.2)
     slave.power(override=0.0)
     ctx.run_for(0.5)
+    equal(ctx, "Busy, not Done, with an override of 0", moving.Busy - moving.Done, 1, "NC-032")
     held = slave.ref.NcToPlc.SetPos - lead.ref.NcToPlc.SetPos - off
     ctx.run_for(0.1)
     equal(ctx, "held", slave.ref.NcToPlc.SetPos - lead.ref.NcToPlc.SetPos - off, held, within=1e-6)

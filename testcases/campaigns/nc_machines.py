@@ -669,6 +669,9 @@ def probe(ctx: CaseContext, edge: str, way: str, place: float) -> None:
     until(ctx, one.move_absolute(60.0 if way == "forward" else 5.0, Velocity=80.0).done)
     equal(ctx, "Done", block.Done, 1, "NC-409")
     equal(ctx, "recorded position", block.RecordedPosition, place, "NC-409", within=0.05)
+    again = one.touch_probe(source)
+    ctx.run_for(0.05)
+    equal(ctx, "Busy, not Done, before the next edge", again.Busy - again.Done, 1, "NC-409")
 
 
 @CAMPAIGN.case("parameters", requirements=("NC-204",))

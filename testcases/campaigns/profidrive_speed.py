@@ -451,6 +451,32 @@ def sign_of_life(ctx: CaseContext, cycles: int) -> None:
         led.bits("ZSW1", 0x4F, 0x07, "PD-060")
 
 
+@CAMPAIGN.case("sign-of-life/now-and-then", requirements=("PD-127",))
+def now_and_then(ctx: CaseContext) -> None:
+    """A missing telegram is forgotten after ten right ones: then the next one is tolerated, too."""
+    led = Led(ctx)
+    led.turn(300.0, 0.3)
+    for _ in range(4):
+        ctx.inject("frame.drop", "can0", message="rpdo1", count=1)
+        ctx.run_for(0.08)
+    led.bits("ZSW1", 0x08, 0, "PD-127")
+    equal(ctx, "speed", led.speed, 300.0, "PD-127", within=1.0)
+
+
+@CAMPAIGN.case("speed-limits", requirements=("PD-269",))
+def speed_limits(ctx: CaseContext) -> None:
+    """p1083 and p1086 hold the setpoint, each in its direction, and let go what is within both."""
+    led = Led(ctx)
+    led.write(1083, 450.0)
+    led.write(1086, -330.0)
+    for rpm, wanted in ((900.0, 450.0), (-900.0, -330.0), (200.0, 200.0), (-200.0, -200.0)):
+        led.turn(rpm, 0.5)
+        equal(ctx, f"speed with {rpm:g} rpm", led.speed, wanted, "PD-269", within=1.0)
+    led.write(1086, -900.0)
+    led.turn(-900.0, 0.6)
+    equal(ctx, "speed with another limit", led.speed, -900.0, "PD-269", within=1.0)
+
+
 FAULTS: Final = {"overcurrent": 0x2310, "following": 0x8611}
 
 
