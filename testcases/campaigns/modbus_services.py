@@ -321,6 +321,18 @@ def parameter_write(ctx: CaseContext) -> None:
     client.answers("refused", client.read(40_601, 4)[2], 0x8082, "PD-327")
 
 
+@both("parameters/saturated", requirements=("PD-294",))
+def saturated(ctx: CaseContext) -> None:
+    """A value that does not fit its register shows as the end of the register; the parameter keeps it."""
+    client = Client(ctx)
+    ramp_up = (0x0001, 0x2F10, 0x8002, 0x0101, 0x1001, 0x0460, 0x0000, 0x0801)
+    for high, shown in ((0x4423, 65_200), (0x442F, 0xFFFF), (0x461C, 0xFFFF), (0x40A0, 500)):
+        client.write(40_601, *ramp_up, high, 0x0000)
+        ctx.run_for(0.2)
+        client.answers("answer", tuple(client.read(40_601, 4)), (0x0002, 0x2F04, 0x8002, 0x0101))
+        client.answers("register of the ramp time", client.read(40_322)[0], shown, "PD-294")
+
+
 @both(
     "parameters/mistake-{what}",
     parameters=[

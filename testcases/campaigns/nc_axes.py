@@ -157,6 +157,36 @@ def move(ctx: CaseContext, block: str, name: str, target: float) -> None:
     equal(ctx, "Done, not Busy, no error", motion.Done - motion.Busy - motion.Error, 1)
 
 
+@CAMPAIGN.product(
+    "homing-ended/{how}",
+    parameters={"how": ("halt", "disabled")},
+    title="homing ends by: {how}; the software limits hold again",
+    requirements=("NC-130", "NC-133", "NC-314"),
+)
+def homing_ended(ctx: CaseContext, how: str) -> None:
+    """Software limits do not count while the axis is homed, and hold as soon as that has ended, however."""
+    one = axis(ctx)
+    one.write_parameter("axis.soft_limit_max", 25.0)
+    homing = one.home()
+    ctx.run_for(0.2)
+    equal(ctx, "Busy", homing.Busy, 1)
+    if how == "halt":
+        until(ctx, one.halt().done, "the axis has halted")
+    else:
+        one.power(False)
+        ctx.run_for(0.2)
+        until(ctx, one.reset().done, "the lost enable is acknowledged")
+        ctx.wait_until(one.power().status, 2.0, "the axis is enabled")
+    ctx.run_for(0.05)
+    equal(ctx, "homed", one.homed, 0, "NC-314")
+    one.move_velocity(-40.0, **FAST)
+    ctx.wait_until(lambda: one.position < 15.0, 5.0, "the axis is well before its limit")
+    one.move_velocity(60.0, **FAST)
+    ctx.run_for(1.2)
+    equal(ctx, "set position", one.ref.NcToPlc.SetPos, 25.0, "NC-130", within=1e-6)
+    equal(ctx, "set velocity", one.ref.NcToPlc.SetVelo, 0.0, "NC-130", within=1e-9)
+
+
 @CAMPAIGN.case("target-window", requirements=("NC-152", "NC-153", "NC-154", "NC-155"))
 def target_window(ctx: CaseContext) -> None:
     """An axis that is pushed off its target leaves the windows at once, and is in its target again when it

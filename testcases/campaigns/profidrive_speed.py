@@ -477,6 +477,42 @@ def speed_limits(ctx: CaseContext) -> None:
     equal(ctx, "speed with another limit", led.speed, -900.0, "PD-269", within=1.0)
 
 
+MANY_FAULTS: Final = (30002, 30001, 7011, 30004, 30005, 30011, 31110, 7901, 7900, 7860)
+
+
+@CAMPAIGN.case("fault-situation", requirements=("PD-133", "PD-135", "PD-137"))
+def fault_situation(ctx: CaseContext) -> None:
+    """Eight messages make a situation, the newest stands in the last place of a full one; one that is there
+    does not come again. Acknowledged they move on, and a fault whose cause lasts begins the next situation.
+    """
+    led = Led(ctx)
+
+    def numbers(first: int) -> list[int]:
+        found = [number_of(led.node.upload(0x2000 + 947, first + place)) for place in range(8)]
+        return [int.from_bytes(one, "little") for one in found]
+
+    lasting = ctx.inject("drive.fault", DRIVE, code=MANY_FAULTS[0], persistent=True)
+    ctx.run_for(0.01)
+    for code in (*MANY_FAULTS[1:], MANY_FAULTS[1]):
+        ctx.inject("drive.fault", DRIVE, code=code)
+        ctx.run_for(0.005)
+    # The second fault stands there already: it is not entered again.
+    full = [*MANY_FAULTS[:7], MANY_FAULTS[-1]]
+    found = numbers(0)
+    equal(ctx, f"p947 {found} is {full}", found == full, 1, "PD-135")
+    led.send("acknowledge", 0.05, STW1=OFF | STW1.ACKNOWLEDGE)
+    found = numbers(8)
+    equal(ctx, f"the situation before {found} is {full}", found == full, 1, "PD-137")
+    found = numbers(0)
+    equal(ctx, f"p947 {found}: what lasts", found == [MANY_FAULTS[0], *7 * [0]], 1, "PD-137")
+    led.bits("ZSW1", 0x08, 0x08, "PD-137")
+    lasting.remove()
+    led.send("no edge", 0.05, STW1=OFF)
+    led.send("acknowledge", 0.05, STW1=OFF | STW1.ACKNOWLEDGE)
+    led.bits("ZSW1", 0x08, 0, "PD-137")
+    equal(ctx, "faults that are left", sum(numbers(0)), 0, "PD-137")
+
+
 FAULTS: Final = {"overcurrent": 0x2310, "following": 0x8611}
 
 
