@@ -113,6 +113,8 @@ def _can_log(bus: str, log: FrameLog) -> Iterator[tuple[int, bytes]]:
 
 def protocol_of(log: FrameLog) -> str:
     """Return what the frames of a bus are: `can`, `modbus_tcp` or `modbus_rtu`."""
+    if isinstance(log, PackedFrames):
+        return "can"
     frame = log[0][2] if log else None
     return "can" if frame is None or isinstance(frame, CanFrame) else frame.protocol
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, TypeVar
+from typing import Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -226,10 +226,20 @@ def differences(values: Numbers) -> Numbers:
     return result
 
 
+_FEW: Final = 6
+"""Up to so many shifts of an array take less time than to count from the last true or false sample."""
+
+
 def spread(flags: Flags, before: int, after: int) -> Flags:
     """Return the flags with so many neighbours on either side of every true one."""
     if not flags.any():
         return flags
+    if before > _FEW:
+        return spread(spread(flags[::-1], 0, before)[::-1], 0, after)
+    if after > _FEW:
+        index = np.arange(len(flags))
+        late: Flags = index - np.maximum.accumulate(np.where(flags, index, -after - 1)) <= after
+        return late | spread(flags, before, 0)
     result = flags.copy()
     for step in range(1, after + 1):
         result[step:] |= flags[:-step]
@@ -240,6 +250,10 @@ def spread(flags: Flags, before: int, after: int) -> Flags:
 
 def last_true(flags: Flags, count: int) -> Flags:
     """Return where a flag and so many before it are true."""
+    if count > _FEW:
+        index = np.arange(len(flags))
+        long: Flags = index - np.maximum.accumulate(np.where(flags, -1, index)) > count
+        return long
     result = flags.copy()
     for step in range(1, count + 1):
         result[step:] &= flags[:-step]

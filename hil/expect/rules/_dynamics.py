@@ -23,12 +23,15 @@ _SAME: Final = 1e-9
 def _extremes(values: Numbers, before: int, behind: int) -> tuple[Numbers, Numbers]:
     """Return the least and the greatest of each sample and so many around it."""
     low, high = values.copy(), values.copy()
-    for step in range(1, before + 1):
-        low[step:] = np.minimum(low[step:], values[:-step])
-        high[step:] = np.maximum(high[step:], values[:-step])
-    for step in range(1, behind + 1):
-        low[:-step] = np.minimum(low[:-step], values[step:])
-        high[:-step] = np.maximum(high[:-step], values[step:])
+    seen = 1
+    while seen <= before:
+        # Two windows side by side, or one over the other, make one twice as wide at most.
+        step = min(seen, before + 1 - seen)
+        low[step:] = np.minimum(low[step:], low[:-step])
+        high[step:] = np.maximum(high[step:], high[:-step])
+        seen += step
+    if behind:
+        low, high = (_extremes(one[::-1], behind, 0)[place][::-1] for place, one in enumerate((low, high)))
     return low, high
 
 
