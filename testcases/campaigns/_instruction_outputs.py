@@ -4,12 +4,21 @@ to follow (MC-052 to MC-085).
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
+from fieldbus.history import Event
 from hil.campaign import CaseContext
 
 ENDS: Final = ("Done", "CommandAborted", "Error")
+_EVENTS: Final = {
+    "busy": ("job.started", "MC-058"),
+    "done": ("job.done", "MC-055"),
+    "aborted": ("job.aborted", "MC-056"),
+    "error": ("job.error", "MC-057"),
+}
+"""Output and the event of its edge, with the state that it is the way into."""
 _SUCCESSES: Final = ("InVelocity", "InGear", "InSync")
 
 
@@ -55,6 +64,8 @@ class Watched:
     def __init__(self, instance: Any) -> None:
         self.instance = instance
         self.calls: list[Call] = []
+        self.events: Counter[str] = Counter()
+        """Events of the instance since then, by their kind."""
 
     @property
     def last(self) -> Call:
@@ -103,6 +114,7 @@ class Outputs:
         self._feeds: list[Callable[[], None]] = []
         self._seen = self._runtime.program_calls
         self._runtime.after_cycle.append(self._sample)
+        ctx.bench.history.listen(self._hear)
 
     def watch(self, instance: Any) -> Watched:
         """Follow an instance that is called from the next cycle on."""
@@ -131,12 +143,18 @@ class Outputs:
             one.lower()
         self.calls(3)
         for one in self._watched:
-            wrong = violation(one.instance, one.calls)
+            wrong = violation(one.instance, one.calls) or _untold(one)
             if wrong:
                 identifier, text = wrong
                 self._ctx.measure(f"{one.instance.name}: {text}", 0.0, low=1.0, requirements=(identifier,))
             self._runtime.uncall(one.instance)
         self._watched.clear()
+
+    def _hear(self, entry: Event) -> None:
+        if entry.kind.startswith("job."):
+            for one in self._watched:
+                if entry.data.get("job") == one.instance.name:
+                    one.events[entry.kind] += 1
 
     def _sample(self) -> None:
         calls = self._runtime.program_calls
@@ -146,6 +164,18 @@ class Outputs:
                 one.sample()
             for feed in self._feeds:
                 feed()
+
+
+def _untold(watched: Watched) -> tuple[str, str] | None:
+    """Return the requirement and what an instance has shown more often than the log tells; None: nothing."""
+    if "Execute" not in watched.instance.inputs:
+        return None
+    for output, (kind, identifier) in _EVENTS.items():
+        shown = [getattr(call, output) for call in watched.calls]
+        edges = sum(now and not before for before, now in zip([False, *shown], shown, strict=False))
+        if edges > watched.events[kind]:
+            return identifier, f"{output} has come {edges} times, {kind} {watched.events[kind]} times"
+    return None
 
 
 def violation(instance: Any, calls: Sequence[Call]) -> tuple[str, str] | None:

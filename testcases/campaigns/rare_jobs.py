@@ -367,6 +367,37 @@ def laws(ctx: CaseContext) -> None:
         equal(ctx, f"end of the segment at {point.x:g}", end, following.y, "CAM-027", within=1e-6)
 
 
+# -- resets --------------------------------------------------------------------------------------------------
+
+
+@CAMPAIGN.case("resets", requirements=("STP-065", "CFG-041"))
+def resets(ctx: CaseContext) -> None:
+    """Each reset begins, ends and is told of, for a pulse and for a long `Execute`: one without anything to
+    acknowledge, a restart that is refused while the axis is enabled, one that takes place, one after another.
+    """
+    enable(ctx)
+    axis, outputs = ctx.axis, Outputs(ctx)
+    for pulse in (False, True):
+        enabled = axis.power()
+        ctx.wait_until(enabled.status, 3.0, "the axis is enabled")
+        for restart, refused in ((False, False), (True, True), (False, False)):
+            one = outputs.watch(axis.reset(restart=restart))
+            outputs.calls(1)
+            if pulse:
+                one.lower()
+            outputs.calls(100)
+            ended = next(call for call in one.calls if call.ended)
+            what = f"reset, restart {restart}"
+            equal(ctx, f"{what}: ErrorID", ended.error_id, 0x800E if refused else 0, "MC-073")
+            equal(ctx, f"{what}: Done", ended.done, not refused, "MC-055")
+            outputs.release()
+        axis.power(enable=False)
+        ctx.wait_until(lambda: axis.state.name == "DISABLED", 3.0, "the axis is off")
+        one = outputs.watch(axis.reset(restart=True))
+        outputs.until(one, "done", 5.0, "the axis has restarted")
+        outputs.release()
+
+
 # -- NC blocks -----------------------------------------------------------------------------------------------
 
 OF_NC: Final = Campaign(
