@@ -84,11 +84,6 @@ class ScaledCurve:
         """Length of one run in the leading value, above 0."""
         return self.curve.period * abs(self.master_scaling)
 
-    @property
-    def lift(self) -> float:
-        """Following value at the end of a run less that at its start."""
-        return self.curve.lift * self.slave_scaling
-
     def contains(self, x: float) -> bool:
         """Return whether a leading value is in the first run."""
         return self.low <= x <= self.high

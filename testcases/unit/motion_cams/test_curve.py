@@ -388,7 +388,7 @@ def test_scaling_and_shifting_leave_the_curve_itself_as_it_is():
     y, slope, bend = used.evaluate(150.0)
     assert (y, slope) == pytest.approx((85.0, 1.5), abs=1e-12)
     assert bend == pytest.approx(0.02 * 3.0 / 4.0, abs=1e-12)
-    assert (used.low, used.high, used.period, used.lift) == (50.0, 250.0, 200.0, 300.0)
+    assert (used.low, used.high, used.period) == (50.0, 250.0, 200.0)
     assert plain.evaluate(50.0) == (25.0, 1.0, 0.02)
     assert curve.evaluate(50.0) == (25.0, 1.0, 0.02)
 
