@@ -197,6 +197,7 @@ def _target(axis: AxisView) -> Judged | None:
     elsewhere = _elsewhere(axis)
     setpoint = axis["position_setpoint"]
     scale = max(float(np.abs(setpoint).max(initial=0.0)), length, 1e-9)
+    taken_over = {entry.time_ns for entry in axis.whole.events.of(axis.name, "job.active")}
     found: list[tuple[float, str]] = []
     for span in _spans(axis):
         asked, end = span.begun.data, span.end
@@ -206,7 +207,8 @@ def _target(axis: AxisView) -> Judged | None:
         behind = min(span.behind, len(setpoint) - 1)
         if elsewhere[max(span.first - 1, 0) : behind + 1].any():
             continue
-        reached = float(setpoint[behind])
+        # A slow interpolator has made the first setpoints of a buffered job when the one before is done.
+        reached = float(setpoint[behind - 1 if axis.ratio > 1 and end.time_ns in taken_over else behind])
         begins = setpoint[max(span.first - 1, 0) : span.first + axis.ratio + 1]
         if instruction == "MC_MoveAbsolute" and "direction" in asked:
             if not length:

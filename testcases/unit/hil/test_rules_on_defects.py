@@ -110,6 +110,23 @@ def test_a_rule_notices_its_defect(subtests: pytest.Subtests) -> None:
                 assert rule in _broken(name, changes, do)
 
 
+def _buffer(bench: Bench) -> None:
+    """Go to a place, and on from there by a job that waits."""
+    axis = bench.axis()
+    bench.wait_until(axis.power().status, timeout=2.0)
+    axis.home(0.0)
+    bench.run_for(0.1)
+    axis.move_relative(-20.0, Velocity=90.0)
+    bench.run_for(0.02)
+    axis.move_relative(12.0, Velocity=25.0, BufferMode=1)
+    bench.run_for(1.5)
+
+
+def test_a_buffered_job_on_a_slow_interpolator_breaks_no_rule() -> None:
+    """In the cycle in which the first job is done, the setpoint is that of the next one already."""
+    assert _broken("reference", {"bench": {"interpolator_ms": 12}}, _buffer) == set()
+
+
 _SHOWN: Final = "motion.s7.instructions.base:ExecuteInstruction._show"
 OUTPUTS: Final[tuple[tuple[str, str, Mutant], ...]] = (
     ("one job output", "MC-071", _defect("busy-for-ever", _SHOWN, "self.Busy = False", "self.Busy = True")),
