@@ -44,14 +44,20 @@ def _momentum(drive: DriveView) -> Judged | None:
         return None
     if drive.number("cia402") is None and drive.number("telegram") is None:
         return None  # pulses and voltages: the torque of such a drive is not that of its last step
-    if drive.number("telegram") is not None and not drive.number("interpolation"):
-        return None  # its demand steps in every cycle, and the torque is another one between two samples
+    if drive.number("telegram") is not None and (drive.axis is None or not drive.number("interpolation")):
+        # Its demand may step in every cycle, that of a motor potentiometer for example, and the torque is
+        # another one between two samples.
+        return None
     mass, dry, viscous, lead_m, ratio = known
     cycle_s, v = drive.whole.cycle_s, drive["velocity"]
     force = drive["torque"] * (math.tau * ratio / lead_m) + (drive.number("gravity_n") or 0.0)
     low, high = _extremes(force, 2, 1)
-    # Between two samples the torque may have been beyond both of them.
+    # Between two samples the torque may have been beyond both of them, and is so where the demand steps.
     more = 0.5 * (high - low) + 0.01 * np.abs(force) + 1.0
+    if drive.has("velocity_demand"):
+        asked = differences(drive["velocity_demand"]) * (lead_m / (60.0 * ratio)) / cycle_s
+        least, most = _extremes(asked, 2, 1)
+        more = more + mass * (most - least)
     smooth = high - low <= _SMOOTH * (drive.number("rated_torque_nm") or 0.0) * abs(math.tau * ratio / lead_m)
     rubbing = np.sign(v) * dry + viscous * v
     gained = differences(v) / cycle_s
