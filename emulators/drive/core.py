@@ -589,8 +589,10 @@ class ServoCore:
             self._predicted = model + 0.5 * step
             self._model = model + step
         else:
-            # At the limit nothing is integrated, and the model follows what the torque can do.
+            # At the limit nothing is integrated, and the model follows what the torque can do. An integral part
+            # beyond the limit, as after a jump of the encoder, would hold the torque there for ever.
             torque = self._limit_high if torque > 0.0 else self._limit_low
+            self._integral = min(max(self._integral, self._limit_low), self._limit_high)
             self.torque_limited = True
             step = torque / self._inertia_per_step
             self._predicted = velocity + step
@@ -690,6 +692,7 @@ class ServoCore:
                 model += change
             else:
                 torque = high if torque > 0.0 else low
+                integral = min(max(integral, low), high)
                 limited = True
                 change = torque / inertia
                 predicted = velocity + change

@@ -154,10 +154,13 @@ def _not_moving(axis: NcAxisView) -> Judged | None:
 def _counter(axis: NcAxisView) -> Judged | None:
     if len(axis.time_s) < 2:
         return None
-    step = np.diff(axis.cycles) % 256
+    return axis.judged(_always(axis), _jumps(axis), "the cycle counter of OpModeDWord jumps")
+
+
+def _jumps(axis: NcAxisView) -> Flags:
+    """Return where the cycle counter does not go on: an activation of the project makes the axis anew."""
     # A cycle in which the axis is not executed shows the same image again (NC-075).
-    wrong = np.concatenate(([False], step > 1))
-    return axis.judged(_always(axis), wrong, "the cycle counter of OpModeDWord jumps")
+    return np.concatenate(([False], np.diff(axis.cycles) % 256 > 1))
 
 
 def _lag(axis: NcAxisView) -> Judged | None:
@@ -213,7 +216,7 @@ def _shows_direction(axis: NcAxisView) -> Judged | None:
 def _speed_given(axis: NcAxisView) -> Judged | None:
     drive = axis.drive
     found = None if drive is None or drive.number("live") else given_speed(drive)
-    if drive is None or found is None or not axis.cycle_s or len(axis.time_s) < 10:
+    if drive is None or found is None or not axis.cycle_s or len(axis.time_s) < 10 or _jumps(axis).any():
         return None
     sent, step = found
     at = np.searchsorted(axis.time_s, sent.time_s - 1e-9, side="right") - 1
@@ -316,7 +319,7 @@ NC_RULES: Final[tuple[Rule[NcAxisView], ...]] = (
         name="speed setpoint of the drive",
         says="the speed setpoint that the drive gets is the output of its own axis, by one scale",
         requirements=("NC-148", "NC-029"),
-        tolerance="0.1 %, and two steps of the setpoint",
+        tolerance="0.1 %, and two steps of the setpoint; not of an axis that an activation has made anew",
         judge=_speed_given,
         excused_by=("frame.", "telegram.", "can.", "controller.", "drive."),
         recovery_s=0.1,

@@ -126,7 +126,7 @@ def check_job_outputs(trace: Trace) -> list[Check]:
             elif entry.kind in _OF_A_JOB and begun <= 0:
                 problems.append((entry.time_ns * 1e-9, f"{name}: {entry.kind}, and has not begun"))
             elif entry.kind in _ENDS:
-                begun -= 1
+                begun = max(begun - 1, 0)  # a job that is refused has an error, and never began
             if entry.kind == "job.started":
                 end = None
                 superseded, busy = busy, True

@@ -443,3 +443,25 @@ def pulses(ctx: CaseContext) -> None:
         one.reinitialise()
         near(ctx, "read again", one.position, one.encoder.sample(one.mechanics.motor_angle))
         equal(ctx, "nothing of before", (one.velocity, one.velocity_demand, one.torque) == (0.0, 0.0, 0.0), 1)
+
+
+@CAMPAIGN.product(
+    "encoder-jump/{counts}",
+    parameters={"counts": (-131072, 131072, 700000)},
+    title="the encoder jumps by {counts} increments",
+)
+def encoder_jump(ctx: CaseContext, counts: int) -> None:
+    """A torque at its limit leaves it when the speed is on the other side of its demand: the integral part
+    never holds it there.
+    """
+    one = core()
+    one.enable_pulses()
+    one.command_velocity(0.0, 1)
+    steps(one, 40)
+    one.encoder.jump(counts)
+    speed, torque, *_ = steps(one, 2000).T
+    limits = np.where(torque > 0.0, 6.0, -5.0)
+    held = np.abs(torque) >= np.abs(limits) - 1e-9
+    apart = held & (np.sign(speed) == np.sign(torque)) & (np.abs(speed) > 20.0)
+    equal(ctx, "steps at the limit in the direction of a speed that is not demanded", int(apart.sum()), 0)
+    near(ctx, "speed half a second later", float(speed[-1]), 0.0, within=1e-3)
