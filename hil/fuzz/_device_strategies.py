@@ -170,17 +170,19 @@ def written(node: Node, index: int, number: int, size: int) -> Step:
 
 def _of_server(server: Server) -> list[SearchStrategy[Step]]:
     addresses = st.one_of(st.integers(0, 130), st.integers(290, 620), st.integers(0, 0xFFFF))
-    found: list[SearchStrategy[Step]] = [
-        st.builds(
-            lambda function, address, quantity: Do(
-                "modbus",
-                {"device": server.name, "function": function, "address": address, "quantity": quantity},
-            ),
-            st.sampled_from([1, 2, 3, 3, 4]),
-            addresses,
-            st.sampled_from([1, 1, 2, 5, 20]),
+    found: list[SearchStrategy[Step]] = []
+    if server.spare:
+        found.append(
+            st.builds(
+                lambda function, address, quantity: Do(
+                    "modbus",
+                    {"device": server.name, "function": function, "address": address, "quantity": quantity},
+                ),
+                st.sampled_from([1, 2, 3, 3, 4]),
+                addresses,
+                st.sampled_from([1, 1, 2, 5, 20]),
+            )
         )
-    ]
     if server.numbers:
         found.append(
             st.builds(
@@ -218,7 +220,7 @@ def device_steps(devices: Devices) -> list[SearchStrategy[Step]]:
     for node in devices.nodes:
         own = _of_node(node)
         found += [st.one_of(own)] if node.led else [st.one_of(own)] * 3
-    found += [st.one_of(_of_server(server)) for server in devices.servers]
+    found += [st.one_of(own) for server in devices.servers if (own := _of_server(server))]
     for led in devices.led:
         found += [st.one_of(_of_led(led))] * 3
     return found

@@ -58,6 +58,8 @@ class Server:
     name: str
     numbers: tuple[int, ...] = ()
     """Its PROFIdrive parameters that the controller reaches."""
+    spare: bool = True
+    """Its bus has time for requests besides the cyclic ones; a line with the drive of an axis has not."""
 
 
 @dataclass(frozen=True)
@@ -128,12 +130,15 @@ def _nodes(bench: Bench) -> Iterator[Node]:
 
 def _servers(bench: Bench) -> Iterator[Server]:
     for segment in bench.segment_names:
-        for name in getattr(bench.segment(segment), "server_names", ()):
+        names = getattr(bench.segment(segment), "server_names", ())
+        line = getattr(bench.segment(segment), "kind", "") == "modbus_rtu"
+        spare = not (line and any(name in bench.ports.by_name for name in names))
+        for name in names:
             numbers: tuple[int, ...] = ()
             if name in bench.drive_names and name in bench.ports.by_name:
                 parameters = getattr(bench.drive(name), "parameters", None)
                 numbers = () if parameters is None else tuple(parameters.store.numbers())
-            yield Server(name, numbers)
+            yield Server(name, numbers, spare)
 
 
 def _led(bench: Bench) -> Iterator[Led]:

@@ -425,7 +425,9 @@ def _homed(axis: AxisView) -> Judged | None:
     late = (
         np.concatenate((np.zeros(reach, dtype=bool), missing[:-reach])) if len(missing) > reach else missing
     )
-    unshown = late & ~spread(shown, 0, reach)
+    # Another homing may begin in the cycle in which one ends.
+    again = axis.near(events.of(axis.name, "homing.started"), 0, 2 * reach)
+    unshown = late & ~spread(shown, 0, reach) & ~again
     judged = ~spread(axis.in_states("restarting"), 2, 3) & ~axis.near(other, 2, 3)
 
     def describe(at: int) -> str:
