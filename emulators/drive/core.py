@@ -589,8 +589,8 @@ class ServoCore:
             self._predicted = model + 0.5 * step
             self._model = model + step
         else:
-            # At the limit nothing is integrated, and the model follows what the torque can do. An integral part
-            # beyond the limit, as after a jump of the encoder, would hold the torque there for ever.
+            # At the limit nothing is integrated, and the model follows what the torque can do. An integral
+            # part beyond the limit, as after a jump of the encoder, would hold the torque there for ever.
             torque = self._limit_high if torque > 0.0 else self._limit_low
             self._integral = min(max(self._integral, self._limit_low), self._limit_high)
             self.torque_limited = True
