@@ -55,7 +55,9 @@ def _bench(name: str, axes: dict[str, dict[str, Any]]) -> BenchFile:
     tables = {one: _axis(values) for one, values in axes.items()}
     for number, (one, values) in enumerate(axes.items(), 2):
         if "VirtualAxis.Mode" not in values:
-            text += f'[drive.of_{one}]\nsegment = "can0"\nnode_id = {number}\n'
+            text += (
+                f'[drive.of_{one}]\nsegment = "can0"\nnode_id = {number}\nincrements_per_revolution = 4096\n'
+            )
             tables[one]["drive"] = f"of_{one}"
     return BenchFile(name, text).configured({"axis": tables})
 

@@ -17,7 +17,7 @@ from hil.fuzz._strategies import UNCHANGED
 
 LED = "testcases.campaigns._led_servo:BENCH"
 SIGNALS = "testcases.campaigns.profidrive_positioner:BENCH"
-LINE = "profidrive_rtu"
+NETWORK, LINE = "profidrive_tcp", "profidrive_rtu"
 PROBES = "testcases.campaigns.axis_options:PROBES"
 MODE, CONTROL = 0x6060, 0x6040
 
@@ -46,8 +46,15 @@ def _steps(reference: str, number: int = 60) -> Iterator[Do]:
 @pytest.mark.exhaustive
 def test_everything_that_devices_can_be_asked_is_drawn() -> None:
     """Over some benches each kind of request turns up, to devices of either kind of bus."""
-    asked = {step.job for reference in (LED, SIGNALS, LINE) for step in _steps(reference)}
+    asked = {step.job for reference in (LED, SIGNALS, NETWORK) for step in _steps(reference)}
     assert set(DEVICE_JOBS) - asked <= {"parameter_write"}
+
+
+def test_a_line_with_the_drive_of_an_axis_has_no_time_for_other_requests() -> None:
+    """Parameters are read by the controller in its turn; requests of others would make its cycle late."""
+    asked = {step.job for step in _steps(LINE)}
+    assert "modbus" not in asked
+    assert "parameter_read" in asked
 
 
 @pytest.mark.exhaustive

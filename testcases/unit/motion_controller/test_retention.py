@@ -182,11 +182,11 @@ def test_bits_of_control_words(rig, event, kept):
     rig.port.speaks_telegram = True
     rig.until(rig.axis.set_axis_stw(STW1=0x0100, STW1BitMask=0x0100, STW2=0x0020, STW2BitMask=0x0020).done)
     rig.cycles(2)
-    assert rig.column("stw1")[-1] & 0x0100
+    assert int(rig.column("stw1")[-1]) & 0x0100
     assert rig.port.stw2 == 0x0020
     happen(rig, event)
     del kept
-    assert not rig.column("stw1")[-1] & 0x0100
+    assert not int(rig.column("stw1")[-1]) & 0x0100
     assert rig.port.stw2 == 0
 
 
