@@ -135,6 +135,7 @@ def numbers_of_drive(section: DriveTable, bench: BenchTable) -> dict[str, float]
             "sync_loss_fault": section.sync_loss == "fault",
             "missing_setpoints": section.missing_setpoints,
             "torque_precontrol": section.torque_precontrol,
+            "interpolation": section.csv_interpolation,
         }
     if isinstance(section, ProfidriveCanTable | ProfidriveModbusTable):
         numbers |= {

@@ -44,7 +44,7 @@ def _momentum(drive: DriveView) -> Judged | None:
         return None
     if drive.number("cia402") is None and drive.number("telegram") is None:
         return None  # pulses and voltages: the torque of such a drive is not that of its last step
-    if drive.number("telegram") is not None and (drive.axis is None or not drive.number("interpolation")):
+    if not drive.number("interpolation") or (drive.number("telegram") is not None and drive.axis is None):
         # Its demand may step in every cycle, that of a motor potentiometer for example, and the torque is
         # another one between two samples.
         return None
