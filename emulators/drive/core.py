@@ -590,7 +590,7 @@ class ServoCore:
             self._model = model + step
         else:
             # At the limit nothing is integrated, and the model follows what the torque can do. An integral
-            # part beyond the limit, as after a jump of the encoder, would hold the torque there for ever.
+            # part beyond the limit, as after a jump of the encoder, would keep the torque there forever.
             torque = self._limit_high if torque > 0.0 else self._limit_low
             self._integral = min(max(self._integral, self._limit_low), self._limit_high)
             self.torque_limited = True

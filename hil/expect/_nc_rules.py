@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from hil.expect.rules._bus_values import given_speed
+from hil.expect.rules._bus_values import given_speed, sample_before
 from hil.expect.rules._definition import Findings, Flags, Judged, Numbers, Rule, last_true
 from hil.expect.rules._pieces import pieces
 from hil.expect.rules._views import DriveView, TraceView
@@ -158,7 +158,7 @@ def _counter(axis: NcAxisView) -> Judged | None:
 
 
 def _jumps(axis: NcAxisView) -> Flags:
-    """Return where the cycle counter does not go on: an activation of the project makes the axis anew."""
+    """Return where the cycle counter does not go on: an activation of the project creates the axis again."""
     # A cycle in which the axis is not executed shows the same image again (NC-075).
     return np.concatenate(([False], np.diff(axis.cycles) % 256 > 1))
 
@@ -219,13 +219,12 @@ def _speed_given(axis: NcAxisView) -> Judged | None:
     if drive is None or found is None or not axis.cycle_s or len(axis.time_s) < 10 or _jumps(axis).any():
         return None
     sent, step = found
-    at = np.searchsorted(axis.time_s, sent.time_s - 1e-9, side="right") - 1
-    near = (at >= 0) & (sent.time_s - axis.time_s[np.maximum(at, 0)] < 0.5 * axis.cycle_s)
+    at, near = sample_before(axis.time_s, sent.time_s - 1e-9, 0.5 * axis.cycle_s)
     if drive.has("mode"):
         # With a position interface the speed on the bus is that of the set position alone.
         before = np.clip(np.searchsorted(drive.time_s, sent.time_s) - 1, 0, len(drive.time_s) - 1)
         near &= drive.shows("mode", "csv")[before]
-    output = axis.output[np.maximum(at, 0)]
+    output = axis.output[at]
     moved = near & (np.abs(output) > 0.02) & (sent.values != 0.0)
     # The scale is that of most frames; an axis that stands still needs none.
     scale = float(np.median(sent.values[moved] / output[moved])) if np.count_nonzero(moved) > 20 else 0.0
@@ -319,7 +318,7 @@ NC_RULES: Final[tuple[Rule[NcAxisView], ...]] = (
         name="speed setpoint of the drive",
         says="the speed setpoint that the drive gets is the output of its own axis, by one scale",
         requirements=("NC-148", "NC-029"),
-        tolerance="0.1 %, and two steps of the setpoint; not of an axis that an activation has made anew",
+        tolerance="0.1 %, and two steps of the setpoint; not of an axis that an activation has created again",
         judge=_speed_given,
         excused_by=("frame.", "telegram.", "can.", "controller.", "drive."),
         recovery_s=0.1,

@@ -1,4 +1,5 @@
-"""Golden numbers: how long and how far an axis stops. Formulas only; nothing here knows the motion runtime.
+"""Golden numbers: how long and how far an axis stops, how long it travels. Formulas only; nothing here knows
+the motion runtime.
 
 Units: any consistent set, for example mm, mm/s, mm/s2, mm/s3 and s.
 """
@@ -79,6 +80,36 @@ def stop_time(velocity: float, deceleration: float, jerk: float | None = None) -
 def stop_distance(velocity: float, deceleration: float, jerk: float | None = None) -> float:
     """Return the travel to standstill."""
     return stop_ramp(velocity, deceleration, jerk).distance
+
+
+def travel_time(way: float, velocity: float, acceleration: float, deceleration: float, jerk: float) -> float:
+    """Return the time of a motion from rest to rest with jerk-limited ramps, s.
+
+    Where the way is too short for the velocity, the greatest one that it allows is found by bisection.
+
+    Args:
+        way: Its length, > 0.
+        velocity: Greatest magnitude of the velocity, > 0.
+        acceleration: Magnitude of the greatest acceleration, > 0.
+        deceleration: Magnitude of the greatest deceleration, > 0.
+        jerk: Magnitude of the jerk, > 0.
+
+    Raises:
+        ConfigurationError: As of `stop_ramp`.
+
+    """
+
+    def ramps_s(top: float) -> float:
+        return stop_time(top, acceleration, jerk) + stop_time(top, deceleration, jerk)
+
+    top = velocity
+    if 0.5 * top * ramps_s(top) > way:
+        low, high = 0.0, velocity
+        for _ in range(60):
+            top = 0.5 * (low + high)
+            low, high = (top, high) if 0.5 * top * ramps_s(top) < way else (low, top)
+    rest = max(way - 0.5 * top * ramps_s(top), 0.0)
+    return ramps_s(top) + rest / top
 
 
 def drive_ramp(velocity: float, maximum_velocity: float, ramp_time_s: float) -> StopRamp:

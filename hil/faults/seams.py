@@ -975,7 +975,7 @@ class PositionControlled(Protocol):
         """Close or open position control."""
 
     def replan(self) -> None:
-        """Plan the job in control anew from the present setpoints."""
+        """Plan the job in control again from the present setpoints."""
 
 
 class RaisesAlarms(Protocol):

@@ -6,7 +6,6 @@ wait for, a new set-point of a drive its mode, its target and the edge of a cont
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from hypothesis import strategies as st
@@ -16,7 +15,7 @@ from hil.fuzz._choices import whole
 from hil.fuzz._device_strategies import CONTROL_WORD, MODE, written
 from hil.fuzz._nc_jobs import RELEASE, WRITE
 from hil.fuzz._nc_strategies import block_inputs
-from hil.fuzz._program import JOBS, REMOVE_FAULTS, Do, Participant, Step, Wait
+from hil.fuzz._program import JOBS, REMOVE_FAULTS, Do, Participant, Step, Wait, for_axis
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -134,7 +133,7 @@ def _following(one: Participant, axes: Sequence[Participant]) -> list[Phrases]:
 
     def of(leader: str) -> list[Phrases]:
         jobs = next(other.jobs for other in axes if other.axis == leader)
-        lead = _moves(jobs).map(lambda step: _at(step, leader))
+        lead = _moves(jobs).map(lambda step: for_axis(step, leader))
         own = {"leader": st.just(leader), **ratio}
         at_place = {"master": _one(_PLACES), "slave": _one(_PLACES), "distance": _one((10.0, 40.0))}
         couple = st.one_of(
@@ -154,7 +153,7 @@ def _following(one: Participant, axes: Sequence[Participant]) -> list[Phrases]:
             _moves(one.jobs),
         )
         follow, shifted, left = (
-            steps.map(lambda step: _at(step, one.axis)) for steps in (couple, shift, leave)
+            steps.map(lambda step: for_axis(step, one.axis)) for steps in (couple, shift, leave)
         )
         found = [
             _row(follow, lead, long, long),
@@ -169,20 +168,16 @@ def _following(one: Participant, axes: Sequence[Participant]) -> list[Phrases]:
                 mode=_one((0, 1, 2)),
                 profile=_one((0, 1, 3, 4, 5)),
                 distance=_one((10.0, 40.0)),
-            ).map(lambda step: _at(step, one.axis))
+            ).map(lambda step: for_axis(step, one.axis))
             found += [_row(cam, lead, long, long), _row(lead, pause, cam, long, shifted, left, long)]
         return found
 
     return [phrase for leader in leaders for phrase in of(leader)]
 
 
-def _at(step: Step, axis: str) -> Step:
-    return replace(step, axis=axis) if isinstance(step, Do) and axis else step
-
-
 def _named(phrases: Phrases, axis: str) -> Phrases:
     """Return phrases whose instructions are for an axis."""
-    return phrases.map(lambda steps: tuple(_at(step, axis) for step in steps))
+    return phrases.map(lambda steps: tuple(for_axis(step, axis) for step in steps))
 
 
 def _of_nc_axis() -> list[Phrases]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.errors import ConfigurationError
@@ -418,6 +418,11 @@ class Break:
 
 
 Step = Do | Wait | Break
+
+
+def for_axis(step: Step, axis: str) -> Step:
+    """Return a step whose instruction is for an axis; empty: for the one that it is for."""
+    return replace(step, axis=axis) if isinstance(step, Do) and axis else step
 
 
 def step_from_json(content: object, where: str = "step") -> Step:

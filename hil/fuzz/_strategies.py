@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from hypothesis import strategies as st
@@ -34,6 +35,7 @@ from hil.fuzz._program import (
     Step,
     Variable,
     Wait,
+    for_axis,
     instruction_of,
 )
 from hil.fuzz._s7_jobs import inputs_of
@@ -191,7 +193,7 @@ def object_steps(objects: Sequence[ObjectWithoutMotion]) -> SearchStrategy[Step]
 
 def _of_object(one: ObjectWithoutMotion) -> SearchStrategy[Step]:
     jobs = st.one_of([*(_derived(job) for job in one.jobs), _held(one.jobs)])
-    return whole(jobs).map(lambda step: replace(step, axis=one.name) if isinstance(step, Do) else step)
+    return whole(jobs).map(lambda step: for_axis(step, one.name))
 
 
 def assignments(variables: Sequence[Variable]) -> SearchStrategy[Step]:
@@ -247,10 +249,10 @@ def _of_axis(one: Participant) -> SearchStrategy[Step]:
     """
     if WRITE in one.jobs:
         jobs = whole(_nc_jobs(one.leaders))
-        return jobs.map(lambda step: replace(step, axis=one.axis) if isinstance(step, Do) else step)
+        return jobs.map(lambda step: for_axis(step, one.axis))
     own = whole(_jobs(one.jobs))
     jobs = st.one_of(own, whole(_synchronous(one.leaders, one.cams))) if one.leaders else own
-    return whole(jobs).map(lambda step: replace(step, axis=one.axis) if isinstance(step, Do) else step)
+    return whole(jobs).map(lambda step: for_axis(step, one.axis))
 
 
 def _aimed(step: Step, one: Participant) -> Step:
@@ -503,22 +505,20 @@ def programs(
     # Without a fault nothing but a missing home position ends a program early.
     homed = (*begin, *((Do("home"),) if "home" in jobs and not axes else ()))
 
-    def build(configuration: Configuration, *parts: list[tuple[Step, ...]]) -> Program:
+    def build(
+        first: tuple[Step, ...], configuration: Configuration, *parts: list[tuple[Step, ...]]
+    ) -> Program:
         drawn = [step for part in parts for phrase in part for step in phrase]
-        return Program((*begin, *drawn[:longest]), configuration)
-
-    def build_calm(configuration: Configuration, drawn: list[tuple[Step, ...]]) -> Program:
-        return Program((*homed, *[step for phrase in drawn for step in phrase][:longest]), configuration)
+        return Program((*first, *drawn[:longest]), configuration)
 
     # Three lists in a row: one long list would nearly always be drawn short.
     mixed = one if phrases is None else st.one_of(whole(one), whole(one), whole(phrases))
     thirds = [st.lists(mixed, max_size=(longest + part) // 3) for part in range(3)]
-    found = st.builds(build, configurations, *thirds)
+    found = st.builds(partial(build, begin), configurations, *thirds)
     if calm_phrases is None or longest < 1:
         return found
-    calm = st.builds(
-        build_calm, configurations, st.lists(calm_phrases, min_size=1, max_size=(longest + 1) // 2)
-    )
+    some = st.lists(calm_phrases, min_size=1, max_size=(longest + 1) // 2)
+    calm = st.builds(partial(build, homed), configurations, some)
     return st.one_of(whole(found), whole(calm))
 
 

@@ -17,14 +17,13 @@ import inspect
 import marshal
 import operator
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from types import CodeType, FunctionType
+from types import FunctionType
 from typing import Any, Final
 
 from hil.mutants._mutant import Edit, Mutant
-from hil.mutants._patch import HOOK, changed_source, compiled, function_of, innermost, replaced
+from hil.mutants._patch import HOOK, Patch, changed_source, compiled, function_of, innermost
 
 _READS: Final = (
     ast.Name,
@@ -395,30 +394,8 @@ def _loaded(target: ast.expr) -> ast.expr:
     return statement.value
 
 
-@dataclass(frozen=True)
-class Differences:
-    """Code for functions that does what they do, and tells which defects would make a difference."""
-
-    places: tuple[tuple[Edit, bytes], ...]
-
-    @contextmanager
-    def applied(self, found: set[str]) -> Iterator[None]:
-        """Give the functions this code, and what they had at the end.
-
-        Args:
-            found: Gets the names of the defects that make a difference.
-
-        Raises:
-            TargetChangedError: A function is not there.
-
-        """
-        codes = {function_of(edit): marshal.loads(code) for edit, code in self.places}  # noqa: S302 - our own
-        with replaced(codes, Witness(found)):
-            yield
-
-
-def differences_of(mutants: Iterable[Mutant]) -> Differences:
-    """Return code that tells where defects would make a difference.
+def differences_of(mutants: Iterable[Mutant]) -> Patch:
+    """Return code that does what the product does, and notes the defects that would make a difference.
 
     Raises:
         TargetChangedError: The code that one of them changes is not what the catalogue says.
@@ -436,19 +413,14 @@ def differences_of(mutants: Iterable[Mutant]) -> Differences:
                 edits[function] = edit
             path = _path(body.definition, _definition(change.source))
             _insert(body, mutant.name, path, change.line)
-    return Differences(
-        tuple(
-            (edits[function], marshal.dumps(_code(function, body, edits[function])))
-            for function, body in bodies.items()
-        )
+    places = tuple(
+        (edits[function], marshal.dumps(compiled(function, body.finished(), edits[function])))
+        for function, body in bodies.items()
     )
+    return Patch(places, Witness)
 
 
 def _definition(source: str) -> ast.FunctionDef:
     (definition,) = ast.parse(textwrap.dedent(source)).body
     assert isinstance(definition, ast.FunctionDef)  # `function_of` found no other
     return definition
-
-
-def _code(function: FunctionType, body: _Body, edit: Edit) -> CodeType:
-    return compiled(function, body.finished(), edit)

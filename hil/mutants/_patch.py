@@ -15,7 +15,7 @@ import importlib
 import inspect
 import marshal
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import CodeType, FunctionType
@@ -186,7 +186,7 @@ def compiled(function: FunctionType, definition: ast.FunctionDef, edit: Edit) ->
 
 
 @contextmanager
-def replaced(codes: dict[FunctionType, CodeType], note: object) -> Iterator[None]:
+def _replaced(codes: dict[FunctionType, CodeType], note: object) -> Iterator[None]:
     """Give functions other code for a while.
 
     Args:
@@ -206,6 +206,11 @@ def replaced(codes: dict[FunctionType, CodeType], note: object) -> Iterator[None
             function.__globals__.pop(HOOK, None)
 
 
+def _reached(names: set[str]) -> object:
+    """Return what notes a statement that is reached."""
+    return names.add
+
+
 @dataclass(frozen=True)
 class Patch:
     """Compiled code for functions; it can be sent to another process of the same interpreter, which need not
@@ -214,20 +219,22 @@ class Patch:
 
     places: tuple[tuple[Edit, bytes], ...] = ()
     """For each function one of the edits that lead to it, and its code."""
+    note: Callable[[set[str]], object] = _reached
+    """Makes what the functions find as `HOOK` from the set of names that they note."""
 
     @contextmanager
     def applied(self, reached: set[str]) -> Iterator[None]:
         """Give the functions this code, and what they had at the end.
 
         Args:
-            reached: Gets the names of the mutants whose changed statements are reached.
+            reached: Gets the names of the mutants that are noted: whose changed statements are reached.
 
         Raises:
             TargetChangedError: A function is not there.
 
         """
         codes = {function_of(edit): marshal.loads(code) for edit, code in self.places}  # noqa: S302 - our own
-        with replaced(codes, reached.add):
+        with _replaced(codes, self.note(reached)):
             yield
 
 

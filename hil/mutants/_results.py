@@ -151,16 +151,15 @@ _ENDS: Final = {
 class Credit:
     """What noticed drawn defects, and how many."""
 
-    of: str
-    """`campaign`, `rule`, `other` (an expectation of a case, or the end of a case)."""
+    title: str
+    """`by campaign`, `by rule`, `otherwise by` (an expectation of a case, or the end of a case)."""
     counts: Mapping[str, int]
     """By name, the most first."""
 
     @property
     def line(self) -> str:
         """All of it as a line of text."""
-        title = {"campaign": "by campaign", "rule": "by rule", "other": "otherwise by"}[self.of]
-        return f"{title}: {', '.join(f'{name} {count}' for name, count in self.counts.items())}"
+        return f"{self.title}: {', '.join(f'{name} {count}' for name, count in self.counts.items())}"
 
 
 def credits_of(seeding: Seeding) -> list[Credit]:
@@ -180,11 +179,9 @@ def credits_of(seeding: Seeding) -> list[Credit]:
         if first.rule:
             rules[first.check] += 1
         else:
-            others[
-                "an expectation of a case" if first.check else _ENDS.get(first.verdict, first.verdict)
-            ] += 1
-    found = (Credit("campaign", dict(campaigns.most_common())), Credit("rule", dict(rules.most_common())))
-    return [one for one in (*found, Credit("other", dict(others.most_common()))) if one.counts]
+            others["an expectation of a case" if first.check else _ENDS[first.verdict]] += 1
+    found = {"by campaign": campaigns, "by rule": rules, "otherwise by": others}
+    return [Credit(title, dict(counts.most_common())) for title, counts in found.items() if counts]
 
 
 _VERDICT: Final = {

@@ -464,18 +464,7 @@ class Seeder:
                 if judge not in tried and (only is None or judge in only[mutant.name])
             ]
             if order:
-                cases = tuple(order)
-                first = not self._options.every_case
-                tasks.append(
-                    Task(
-                        cases,
-                        self._options.case_seed,
-                        mutant,
-                        defect_patch(mutant),
-                        first,
-                        self._limits(cases),
-                    )
-                )
+                tasks.append(self._task(mutant, order))
             elif only is None:
                 self._tell(result)
         left = []
@@ -503,7 +492,7 @@ class Seeder:
         if result.error or result.caught or result.changed or result.mutant.explained:
             return False
         # Files of tests are too slow to be looked at.
-        return result.able > len(result.outcomes) and not any(map(is_test_file, self._judges))
+        return result.able > len(result.outcomes) and not is_test_file(self._judges[0])
 
     def _chosen(self, mutant: Mutant, judges: Sequence[Judge], most: int) -> list[Judge]:
         """Return at most so many cases for a defect: some that look at little else than its modules, the
@@ -527,7 +516,7 @@ class Seeder:
             able: For the name of each the cases that come to the changed statement.
 
         """
-        most, seed = self._options.most_cases, self._options.case_seed
+        most = self._options.most_cases
         looked_at = {
             result.mutant.name: self._chosen(result.mutant, able[result.mutant.name], _LOOKED_AT * most)
             for result in results
@@ -543,9 +532,7 @@ class Seeder:
                 result.nearest = [judge.name for judge in where[:_NEAREST]]
             new = [judge for judge in where if judge not in tried]
             if new:
-                order = tuple(self._chosen(mutant, new, most))
-                first = not self._options.every_case
-                tasks.append(Task(order, seed, mutant, defect_patch(mutant), first, self._limits(order)))
+                tasks.append(self._task(mutant, self._chosen(mutant, new, most)))
             else:
                 self._tell(result)
         for finished in self._in_time(tasks, 1.0):
@@ -579,6 +566,11 @@ class Seeder:
                         if name in outcome.reached:
                             different[name].add(outcome.judge)
         return different
+
+    def _task(self, mutant: Mutant, judges: Sequence[Judge]) -> Task:
+        """Return the task to try cases on a defect."""
+        seed, first = self._options.case_seed, not self._options.every_case
+        return Task(tuple(judges), seed, mutant, defect_patch(mutant), first, self._limits(judges))
 
     def _limits(self, judges: Sequence[Judge]) -> tuple[float, ...]:
         return tuple(self._limit(self._seeding.baseline[judge].seconds) for judge in judges)

@@ -15,7 +15,6 @@ from hil.campaign import CaseSettings, case_seed, execute_case, load_campaign
 from hil.campaign._limits import USED_UP, limit_processor
 from hil.campaign._worker import bench_of
 from hil.errors import CaseEndedError, CaseTimeoutError
-from hil.mutants._difference import Differences
 from hil.mutants._marks import Marks, packed
 from hil.mutants._mutant import Mutant
 from hil.mutants._patch import Patch
@@ -78,7 +77,7 @@ class Task:
     seed: int
     mutant: Mutant | None
     """The defect that is judged; None: the product as it is."""
-    code: Patch | Marks | Differences
+    code: Patch | Marks
     """Its code; without a defect: that of the product with marks, or that tells where defects make a
     difference.
     """

@@ -22,17 +22,12 @@ from testcases.campaigns._ads_client import (
     Client,
     type_entries,
 )
-from testcases.campaigns.support import equal
+from testcases.campaigns.support import equal, same
 
 CAMPAIGN: Final = Campaign(
     "ads device", controller="", tags=("ads",), bench="testcases.campaigns.can_bus:BENCH"
 )
 DATA, BY_HANDLE, BY_NAME = Group.PLC_DATA, Group.SYMBOL_VALUE_BY_HANDLE, Group.SYMBOL_HANDLE_BY_NAME
-
-
-def same(ctx: CaseContext, what: str, found: object, wanted: object) -> None:
-    """Expect a value of any kind."""
-    equal(ctx, f"{what} is {wanted} (it is {found})", found == wanted, 1)
 
 
 def real(value: float) -> bytes:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hil.bench import BenchFile, load_bench
 from hil.campaign import Campaign, CaseContext
 from testcases.campaigns._reactions import cycles
-from testcases.campaigns.support import axis_name, equal, restart
+from testcases.campaigns.support import axis_name, column, equal, later, restart, same_column
 
 _HERE: Final = "testcases.campaigns.axis_configurations"
 _REFERENCE: Final = load_bench("reference")
@@ -66,22 +66,6 @@ AXES: Final = _bench("axes without drives", _AXES)
 OF_AXES: Final = Campaign("virtual axes", tags=("axis",), bench=f"{_HERE}:AXES")
 
 
-def _column(ctx: CaseContext, name: str, column: str) -> Numbers:
-    return np.asarray(ctx.trace()[f"{name}.{column}"].values, dtype=np.float64)
-
-
-def _later(values: Numbers, number: int) -> Numbers:
-    """Return values some cycles later."""
-    return np.concatenate((np.full(number, values[0]), values[: len(values) - number]))
-
-
-def _same(ctx: CaseContext, words: str, found: Numbers, wanted: Numbers, *ids: str, within: float) -> None:
-    """Measure the greatest difference of two columns, and that they say something."""
-    ctx.measure(f"range of {words}", float(np.ptp(found)), low=100.0 * within)
-    off = float(np.abs(found - wanted).max())
-    ctx.measure(f"{words}: off its formula", off, high=within, requirements=ids)
-
-
 def _enabled(ctx: CaseContext, name: str, **inputs: Any) -> Any:
     one = ctx.bench.axis(name)
     ctx.wait_until(one.power(**inputs).status, 1.0, f"{name} is enabled")
@@ -92,13 +76,13 @@ def _averaged(values: Numbers, time_s: float) -> Numbers:
     """Return a moving average over a time (CTL-075)."""
     whole, rest = divmod(time_s / _CYCLE_S + 1e-9, 1.0)
     rest = rest if rest > 1e-6 else 0.0
-    total = sum(_later(values, at) for at in range(int(whole) + 1)) + rest * _later(values, int(whole) + 1)
+    total = sum(later(values, at) for at in range(int(whole) + 1)) + rest * later(values, int(whole) + 1)
     return np.asarray(total / (whole + 1.0 + rest))
 
 
 def _dead(values: Numbers, time_s: float) -> Numbers:
     whole, rest = divmod(time_s / _CYCLE_S, 1.0)
-    first, second = _later(values, int(whole)), _later(values, int(whole) + 1)
+    first, second = later(values, int(whole)), later(values, int(whole) + 1)
     return first + (second - first) * rest
 
 
@@ -149,15 +133,15 @@ def follow(ctx: CaseContext) -> None:
         "inches": lambda values: values,
     }
     for name in names:
-        for column in ("position", "velocity"):
-            wanted = filters[name](_column(ctx, name, f"{column}_setpoint"))
-            found = _column(ctx, name, f"actual_{column}")
-            _same(
-                ctx, f"actual {column} of {name}", found[2:], _later(wanted, 2)[2:], "CFG-152", "CTL-075",
-                within=1e-6,
+        for what in ("position", "velocity"):
+            wanted = filters[name](column(ctx, f"{name}.{what}_setpoint"))
+            found = column(ctx, f"{name}.actual_{what}")
+            same_column(
+                ctx, f"actual {what} of {name}", found[2:], later(wanted, 2)[2:], "CFG-152", "CTL-075",
+                ranges=100.0,
             )  # fmt: skip
     given, shown = (np.array(one) for one in zip(*accelerations, strict=True))
-    _same(ctx, "ActualAcceleration", shown[3:], _later(given, 2)[3:], "CFG-142", within=1e-6)
+    same_column(ctx, "ActualAcceleration", shown[3:], later(given, 2)[3:], "CFG-142", ranges=100.0)
     for one, name in zip(axes, names, strict=True):
         one.move_velocity(40.0)
         ctx.run_for(0.6)
@@ -223,7 +207,7 @@ def delayed(ctx: CaseContext) -> None:
             ctx.run_for(cycles(ctx, 1))
         lag = float(one.var("Position")) - float(one.var("ActualPosition"))
         equal(ctx, "lag", lag, 110.0 * behind_s, "CFG-166", "CTL-077", within=110.0 * _CYCLE_S * 1.01)
-    first = _column(ctx, "delayed", "position_setpoint") - _column(ctx, "delayed", "actual_position")
+    first = column(ctx, "delayed.position_setpoint") - column(ctx, "delayed.actual_position")
     ctx.measure("change of the lag with new coordinates", float(np.ptp(first[-8:])), high=1e-3)
 
 
@@ -330,7 +314,7 @@ def behind(ctx: CaseContext) -> None:
         ctx.wait_until(job.in_velocity, 3.0, "constant")
         ctx.run_for(0.4)
         setpoint, actual = (
-            _column(ctx, name, f"{kind}") for kind in ("position_setpoint", "actual_position")
+            column(ctx, f"{name}.{kind}") for kind in ("position_setpoint", "actual_position")
         )
         lags.append(float((setpoint - actual)[-40:].mean()))
         ctx.wait_until(one.halt().done, 3.0, "it stands")

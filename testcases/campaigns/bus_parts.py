@@ -4,7 +4,6 @@ the clock of a bench, messages of errors.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -31,25 +30,11 @@ from fieldbus.modbus.pdu import (
 from fieldbus.modbus.registers import Area, Block, ExceptionCode, RegisterMap, RegisterRefusal, WordOrder
 from hil.campaign import Campaign, CaseContext
 from testcases.campaigns.device_settings import refused
-from testcases.campaigns.support import equal
+from testcases.campaigns.support import equal, raises, same
 
 CAMPAIGN: Final = Campaign(
     "bus parts", controller="", tags=("modbus",), bench="testcases.campaigns.can_bus:BENCH"
 )
-
-
-def same(ctx: CaseContext, what: str, found: object, wanted: object, *ids: str) -> None:
-    """Expect a value of any kind."""
-    equal(ctx, f"{what} is {wanted!r} (it is {found!r})", found == wanted, 1, *ids)
-
-
-def raises(call: Callable[[], object], kind: type[Exception] = Exception) -> str:
-    """Return the message with which a call fails; empty: it does not."""
-    try:
-        call()
-    except kind as error:
-        return str(error) or type(error).__name__
-    return ""
 
 
 # -- Modbus -----------------------------------------------------------------------------------------------

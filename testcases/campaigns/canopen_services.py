@@ -520,7 +520,7 @@ def tpdo_event(ctx: CaseContext) -> None:
     node.equal("frames of the timer", len(times), 3, "C301-048")
     for count, time_s in enumerate(times, 1):
         node.equal("time of a frame, s", time_s, 0.04 * count, "C301-048", within=0.003)
-    # An event in between begins the timer anew.
+    # An event in between restarts the timer.
     ctx.run_for(0.015)
     node.taken(0x180 + NODE)
     ctx.run_for(0.012)

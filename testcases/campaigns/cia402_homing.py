@@ -394,7 +394,9 @@ def other_methods(ctx: CaseContext) -> None:
     requirements=("C402-076", "C402-134", "C402-135"),
 )
 def interrupted(ctx: CaseContext, phase: str, method: int, start: float, after: float) -> None:
-    """Bit 4 and halt stop it with 609Ah and 605Dh; without the halt it searches on, from a new edge anew."""
+    """Bit 4 and halt stop it with 609Ah and 605Dh; without the halt it searches on, and a new edge starts it
+    again.
+    """
     del phase
     node = Homed(ctx)
     node.configure({(0x2010, 1): THRESHOLD, 0x6085: 30_000_000, 0x605D: 2})

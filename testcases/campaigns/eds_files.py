@@ -13,7 +13,7 @@ from fieldbus.canopen.dictionary import entries_of
 from fieldbus.errors import ConfigurationError
 from hil.campaign import Campaign, CaseContext
 from testcases.campaigns._eds_forms import HEAD, LIMITS, MISTAKES, NOTED, VALUES, variable
-from testcases.campaigns.support import equal
+from testcases.campaigns.support import equal, same
 
 CAMPAIGN: Final = Campaign(
     "eds files", controller="", tags=("canopen",), bench="testcases.campaigns.can_bus:BENCH"
@@ -32,19 +32,15 @@ def _entry(text: str) -> Any:
     return entries_of(_loaded(HEAD + text), 5)[0x200000]
 
 
-def _same(ctx: CaseContext, what: str, found: object, wanted: object, *ids: str) -> None:
-    equal(ctx, f"{what} is {wanted!r} (it is {found!r})", found == wanted, 1, *ids)
-
-
 @CAMPAIGN.case("values", requirements=("C301-014",))
 def values(ctx: CaseContext) -> None:
     """Every data type and number format of a default, and the limits of every numeric type."""
     for data_type, text, value in VALUES:
         entry = _entry(variable(DataType=f"0x{data_type:04X}", DefaultValue=text))
-        _same(ctx, f"{text!r} of type {data_type:X}h", entry.default, value, "C301-014")
+        same(ctx, f"{text!r} of type {data_type:X}h", entry.default, value, "C301-014")
     for kind, low, high, limits in LIMITS:
         entry = _entry(variable(DataType=kind, LowLimit=low, HighLimit=high))
-        _same(ctx, f"limits {low!r}, {high!r} of type {kind}", (entry.low, entry.high), limits)
+        same(ctx, f"limits {low!r}, {high!r} of type {kind}", (entry.low, entry.high), limits)
 
 
 @CAMPAIGN.case("mistakes")
@@ -65,7 +61,7 @@ def notes(ctx: CaseContext) -> None:
     """Files of vendors contradict themselves; what they mean is taken, and said with section and key."""
     for name, (text, wanted, look, expected) in NOTED.items():
         dictionary = _loaded(HEAD + text, node_id=None)
-        _same(ctx, name, look(dictionary), expected)
+        same(ctx, name, look(dictionary), expected)
         said = notes_of(dictionary)
         fits = len(said) == len(wanted) and all(map(str.startswith, said, wanted))
         equal(ctx, f"notes {wanted} (they are {said})", fits, 1)
@@ -85,10 +81,10 @@ def compact_pdos(ctx: CaseContext) -> None:
     def members(index: int) -> list[int]:
         return [sub for sub in range(0x80) if index << 8 | sub in entries]
 
-    _same(ctx, "members of RPDO1", members(0x1400), [0, 1, 2, 5])
-    _same(ctx, "highest sub-index", entries[0x140000].default, 5)
-    _same(ctx, "members of TPDO1, which is written out", members(0x1800), [1])
-    _same(ctx, "members of TPDO7, which is not there", members(0x1806), [])
+    same(ctx, "members of RPDO1", members(0x1400), [0, 1, 2, 5])
+    same(ctx, "highest sub-index", entries[0x140000].default, 5)
+    same(ctx, "members of TPDO1, which is written out", members(0x1800), [1])
+    same(ctx, "members of TPDO7, which is not there", members(0x1806), [])
     wanted = {
         0x1400: 0x205,
         0x1800: 0x1A5,
@@ -99,13 +95,13 @@ def compact_pdos(ctx: CaseContext) -> None:
         0x1805: 1 << 31,
     }
     found = {index: entries[index << 8 | 1].default for index in wanted}
-    _same(ctx, "identifiers", found, wanted)
+    same(ctx, "identifiers", found, wanted)
     for index in (0x1600, 0x1A00, 0x1A05):
-        _same(ctx, f"entries of {index:04X}h", members(index), list(range(0x41)))
+        same(ctx, f"entries of {index:04X}h", members(index), list(range(0x41)))
         equal(ctx, "an entry is writable and empty", entries[index << 8 | 0x40].writable, 1)
-        _same(ctx, "default of an entry", entries[index << 8 | 1].default, 0)
+        same(ctx, "default of an entry", entries[index << 8 | 1].default, 0)
     rest = "RPDO1, TPDO2, TPDO3, TPDO4, TPDO5, TPDO6"
-    _same(
+    same(
         ctx, "notes", notes_of(dictionary), (f"[DeviceInfo] CompactPDO: the file does not write out {rest}",)
     )
 
@@ -118,17 +114,17 @@ def commissioning(ctx: CaseContext) -> None:
     )
     dictionary = _loaded(HEAD + text, ending="dcf", node_id=None)
     found = (dictionary.node_id, dictionary.bitrate, dictionary[0x2000].value, dictionary[0x2000].default)
-    _same(ctx, "node-ID, bit rate, value, default", found, (17, 250_000, 0x311, 0x111))
+    same(ctx, "node-ID, bit rate, value, default", found, (17, 250_000, 0x311, 0x111))
     text = variable(ObjectType="8", CompactSubObj="0x3", DefaultValue="7", ParameterName="Compact")
     text += "\n[2000Name]\nNrOfEntries=1\n2=Second\n\n[2000Value]\nNrOfEntries=1\n3=0x20\n"
     entries = entries_of(_loaded(HEAD + text), 5)
-    _same(ctx, "elements", [entries[0x200000 | sub].default for sub in range(4)], [3, 7, 7, 32])
-    _same(ctx, "name", entries[0x200002].name, "Compact: Second")
-    _same(ctx, "an element too many", 0x200004 in entries, False)
+    same(ctx, "elements", [entries[0x200000 | sub].default for sub in range(4)], [3, 7, 7, 32])
+    same(ctx, "name", entries[0x200002].name, "Compact: Second")
+    same(ctx, "an element too many", 0x200004 in entries, False)
     kinds = "".join(variable(f"200{number}", ObjectType=str(number)) for number in (0, 5, 6))
-    _same(ctx, "definitions are no entries", list(entries_of(_loaded(HEAD + kinds), 5)), [0x100000])
+    same(ctx, "definitions are no entries", list(entries_of(_loaded(HEAD + kinds), 5)), [0x100000])
     domain = _entry(variable(ObjectType="2", DataType=None, AccessType=None))
-    _same(ctx, "type of a domain", domain.data_type, 0x0F)
+    same(ctx, "type of a domain", domain.data_type, 0x0F)
 
 
 @CAMPAIGN.case("shipped")
@@ -137,9 +133,9 @@ def shipped(ctx: CaseContext) -> None:
     access.
     """
     text = EDS.text()
-    _same(ctx, "file", EDS.path.read_text(encoding="ascii") == text, True)
+    same(ctx, "file", EDS.path.read_text(encoding="ascii") == text, True)
     written, read = entries_of(_loaded(text), 5), entries_of(EDS.dictionary(), 5)
-    _same(ctx, "objects", list(written), list(read))
+    same(ctx, "objects", list(written), list(read))
     for key, entry in written.items():
         facts = [(one.data_type, one.default, one.writable, one.low, one.high) for one in (entry, read[key])]
-        _same(ctx, f"{key >> 8:04X}h:{key & 0xFF}", facts[0], facts[1])
+        same(ctx, f"{key >> 8:04X}h:{key & 0xFF}", facts[0], facts[1])

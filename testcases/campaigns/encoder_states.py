@@ -37,7 +37,7 @@ from testcases.campaigns._encoder_rows import (
     SHIFT,
     Rig,
 )
-from testcases.campaigns.support import equal
+from testcases.campaigns.support import equal, same
 
 CAMPAIGN: Final = Campaign(
     "encoder states", controller="", tags=("encoder", "telegram"), bench="testcases.campaigns.can_bus:BENCH"
@@ -46,11 +46,6 @@ _IN: Final = {0x0003: PARK, 0x0008: ABSOLUTE, 0x000A: ABSOLUTE}
 """Control words in which lasting errors show; the others show at once or in a state."""
 _WITH: Final = {0x0004: SD5, 0x0005: SD4, 0x0006: SD10, 0x0007: SD11}
 """States that these errors abort."""
-
-
-def same(ctx: CaseContext, what: str, found: object, wanted: object, *ids: str) -> None:
-    """Expect a value of any kind."""
-    equal(ctx, f"{what} is {wanted} (it is {found})", found == wanted, 1, *ids)
 
 
 @CAMPAIGN.case(

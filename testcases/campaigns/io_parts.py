@@ -17,9 +17,8 @@ from emulators.io._channels import AnalogInput, AnalogOutput, CounterInput, Digi
 from emulators.io.tm_pto.pulses import PulseGenerator
 from fieldbus.clock import VirtualScheduler
 from hil.campaign import Campaign, CaseContext
-from testcases.campaigns.bus_parts import same
 from testcases.campaigns.device_settings import refused
-from testcases.campaigns.support import equal
+from testcases.campaigns.support import equal, same
 
 CAMPAIGN: Final = Campaign(
     "io parts", controller="", tags=("telegram",), bench="testcases.campaigns.can_bus:BENCH"

@@ -8,9 +8,10 @@ from typing import Any, Final
 import numpy as np
 
 from hil.campaign import Campaign, CaseContext
+from hil.expect.golden import travel_time
 from testcases.campaigns._instruction_jobs import Stage, stage
 from testcases.campaigns._reactions import calls
-from testcases.campaigns.support import axis_name, travel_time
+from testcases.campaigns.support import axis_name
 
 CAMPAIGN: Final = Campaign(
     "job dynamics",

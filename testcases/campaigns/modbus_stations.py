@@ -44,7 +44,7 @@ from fieldbus.modbus import (
 from fieldbus.modbus.decode import request_text, response_text
 from fieldbus.modbus.export import write_serial_capture, write_tcp_capture
 from hil.campaign import Campaign, CaseContext
-from testcases.campaigns.support import equal
+from testcases.campaigns.support import equal, same
 
 CAMPAIGN: Final = Campaign(
     "modbus stations", controller="", tags=("modbus",), bench="testcases.campaigns.can_bus:BENCH"
@@ -52,11 +52,6 @@ CAMPAIGN: Final = Campaign(
 MS: Final = 1_000_000
 UNIT: Final = 5
 IDENTITY: Final = {0: b"ACME", 1: b"D-1", 2: b"1.0", 4: b"drive", 0x80: b"extra"}
-
-
-def same(ctx: CaseContext, what: str, found: object, wanted: object, *ids: str) -> None:
-    """Expect a value of any kind."""
-    equal(ctx, f"{what} is {wanted} (it is {found})", found == wanted, 1, *ids)
 
 
 def scheduler_of(ctx: CaseContext) -> Any:

@@ -9,10 +9,11 @@ import numpy as np
 
 from hil.bench import BenchFile
 from hil.campaign import Campaign, CaseContext
+from hil.expect.golden import travel_time
 from motion.nc.blocks import Direction, HomingMode, JogMode
 from motion.nc.commands import BufferMode
 from motion.nc.interface import STATUS_BITS
-from testcases.campaigns.support import equal, speed_at, travel_time
+from testcases.campaigns.support import equal, speed_at
 
 BENCH: Final = BenchFile(
     "nc axes",

@@ -18,7 +18,7 @@ from motion.nc.correction_blocks import DisableMode, MC_AbortSuperposition
 from motion.nc.interpolation import ORIGINAL, REDUCED_BEYOND, InterpolationGroup
 from motion.nc.tables import Table
 from testcases.campaigns.nc_axes import axis, until
-from testcases.campaigns.support import equal
+from testcases.campaigns.support import column, equal, later, same_column
 
 _HERE: Final = "testcases.campaigns.nc_components"
 _CYCLE_S: Final = 0.002
@@ -179,23 +179,6 @@ OUTPUTS: Final = _bench("nc drives", {name: {**_PLAIN, **row} for name, row in _
 OF_OUTPUTS: Final = Campaign("nc drive outputs", tags=("nc",), controller="nc", bench=f"{_HERE}:OUTPUTS")
 
 
-def _column(ctx: CaseContext, name: str) -> Numbers:
-    return np.asarray(ctx.trace()[name].values, dtype=np.float64)
-
-
-def _same(ctx: CaseContext, words: str, found: Any, wanted: Any, *ids: str, within: float = 1e-6) -> None:
-    """Measure the greatest difference of two columns, and that they say something."""
-    found, wanted = np.asarray(found, dtype=np.float64), np.asarray(wanted, dtype=np.float64)
-    ctx.measure(f"range of {words}", float(np.ptp(found)), low=10.0 * within)
-    ctx.measure(
-        f"{words}: off its formula", float(np.abs(found - wanted).max()), high=within, requirements=ids
-    )
-
-
-def _later(values: Numbers, cycles: int) -> Numbers:
-    return np.concatenate((np.full(cycles, values[0]), values[:-cycles]))
-
-
 @OF_OUTPUTS.case(
     "characteristics", requirements=("NC-340", "NC-349", "NC-350", "NC-351", "NC-352", "NC-353", "NC-371")
 )
@@ -227,28 +210,28 @@ def characteristics(ctx: CaseContext) -> None:
     end()
 
     def plain(name: str) -> Numbers:
-        total = _WEIGHT * _column(ctx, f"{name}.set_velocity") + _KV * _column(ctx, f"{name}.following_error")
+        total = _WEIGHT * column(ctx, f"{name}.set_velocity") + _KV * column(ctx, f"{name}.following_error")
         return total / _FULL
 
-    enabled = int(np.flatnonzero(_column(ctx, "valve.set_velocity"))[0])
+    enabled = int(np.flatnonzero(column(ctx, "valve.set_velocity"))[0])
     for name, interpolation in (("valve", 0), ("spline", 1)):
         offset = _OUTPUTS[name]["drv.valve_offset"]
         wanted = [min(max(table.value(x, interpolation) + offset, -1.0), 1.0) for x in plain(name)]
-        found = _column(ctx, f"{name}.output")
-        _same(ctx, f"output of {name}", found[enabled:], wanted[enabled:], "NC-353", "NC-371")
-    found = _column(ctx, "inverted.output")
-    _same(ctx, "inverted output", found, -np.clip(plain("inverted"), -0.2, 0.3), "NC-340")
+        found = column(ctx, f"{name}.output")
+        same_column(ctx, f"output of {name}", found[enabled:], wanted[enabled:], "NC-353", "NC-371")
+    found = column(ctx, "inverted.output")
+    same_column(ctx, "inverted output", found, -np.clip(plain("inverted"), -0.2, 0.3), "NC-340")
     given, sent, acceleration, motion, _ = (np.array(one) for one in zip(*rows, strict=True))
     # What is written after a cycle acts in the next one, and is sent two cycles behind that.
-    _same(ctx, "torque", sent[5:], 2.5 * _later(given, 3)[5:], "NC-349", "NC-350")
-    _same(ctx, "acceleration", acceleration[5:], -0.5 * _later(motion, 3)[5:], "NC-351", "NC-352")
-    velocity = np.diff(_column(ctx, "accelerating.actual_position"), prepend=0.0) / _CYCLE_S
+    same_column(ctx, "torque", sent[5:], 2.5 * later(given, 3)[5:], "NC-349", "NC-350")
+    same_column(ctx, "acceleration", acceleration[5:], -0.5 * later(motion, 3)[5:], "NC-351", "NC-352")
+    velocity = np.diff(column(ctx, "accelerating.actual_position"), prepend=0.0) / _CYCLE_S
     share, last = _CYCLE_S / (_CYCLE_S + 0.03), 0.0
     for change in np.diff(velocity, prepend=0.0) / _CYCLE_S:
         last = share * float(change) + (1.0 - share) * last
     image = axes["accelerating"].ref.NcToPlc
     equal(ctx, "actual acceleration", image.ActAcc, last, within=1e-3 + 0.01 * abs(last))
-    still = _column(ctx, "still.actual_velocity")
+    still = column(ctx, "still.actual_velocity")
     equal(ctx, "actual velocity without one", float(np.abs(still).max()), 0.0)
     refused = 0
     try:
@@ -410,7 +393,7 @@ def leaves_too_fast(ctx: CaseContext) -> None:
     until(ctx, slave.gear_out().done)
     left = float(slave.ref.NcToPlc.SetVelo)
     ctx.run_for(0.5)
-    velocity = _column(ctx, "limited.set_velocity")[-300:]
+    velocity = column(ctx, "limited.set_velocity")[-300:]
     ctx.measure(
         "greatest velocity", float(velocity.max()), "mm/s", high=100.0 + 1e-6, requirements=("NC-095",)
     )
@@ -519,7 +502,7 @@ def emergency(ctx: CaseContext, how: str) -> None:
     one.emergency_stop(ramp=how != "at-once")
     ctx.run_for(0.25)
     equal(ctx, "set velocity", one.ref.NcToPlc.SetVelo, 0.0, "NC-011", within=1e-9)
-    braking = float(_column(ctx, "plain.set_acceleration").min())
+    braking = float(column(ctx, "plain.set_acceleration").min())
     if how == "ramp":
         equal(ctx, "deceleration", braking, -700.0, "NC-011", within=7.0)
         equal(ctx, "error", one.error_id, 0, "NC-011")
@@ -549,7 +532,7 @@ def divider(ctx: CaseContext) -> None:
         ctx, one.move_relative(30.0, Velocity=100.0, Acceleration=1000.0, Deceleration=1000.0, Jerk=1e6).done
     )
     equal(ctx, "time of the motion", ctx.now_s - since, 0.3 + 0.1, within=0.045)
-    changes = np.flatnonzero(np.diff(_column(ctx, "slow.set_position")))
+    changes = np.flatnonzero(np.diff(column(ctx, "slow.set_position")))
     steps = {int(b - a) for a, b in pairwise(changes[:-1])}
     equal(ctx, f"cycles from one to the next {sorted(steps)}", steps == {4}, 1, "NC-075")
     counts = ctx.trace()["slow.set_position"].time_s[changes + 1] / _CYCLE_S
@@ -563,7 +546,7 @@ def noise(ctx: CaseContext) -> None:
     """
     one = ctx.bench.axis("noisy", controller="nc")
     ctx.run_for(0.4)
-    found = _column(ctx, "noisy.actual_position")[10:]
+    found = column(ctx, "noisy.actual_position")[10:]
     ctx.measure("highest", float(found.max()), low=0.4, high=1.0 + 1e-6)
     ctx.measure("lowest", float(found.min()), low=-1.0 - 1e-6, high=-0.4)
     ctx.measure("mean", float(found.mean()), low=-0.2, high=0.2)
@@ -877,6 +860,6 @@ def estimates(ctx: CaseContext) -> None:
         estimate += (1.0 - pole) ** 2 / _CYCLE_S * error
         velocity += _CYCLE_S / (_CYCLE_S + 0.003) * (estimate - velocity)
         wanted.append(velocity)
-    _same(ctx, "velocity of the observer", [row[2] for row in rows], wanted, "NC-548", within=1e-3)
+    same_column(ctx, "velocity of the observer", [row[2] for row in rows], wanted, "NC-548", within=1e-3)
     ctx.run_for(0.3)
     equal(ctx, "end", one.position, 30.0, within=0.2)

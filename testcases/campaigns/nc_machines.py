@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from hil.bench import BenchFile
 from hil.campaign import Campaign, CaseContext
+from hil.expect.golden import travel_time
 from motion.nc.correction_blocks import CorrectionMode
 from motion.nc.interpolation import InterpolationGroup
 from motion.nc.parameter_blocks import (
@@ -24,7 +25,7 @@ from motion.nc.parameter_blocks import (
 )
 from motion.nc.touch_probe import ProbeSource
 from testcases.campaigns.nc_axes import axis, until
-from testcases.campaigns.support import equal, travel_time
+from testcases.campaigns.support import equal
 
 BENCH: Final = BenchFile(
     "nc machines",

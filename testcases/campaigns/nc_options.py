@@ -16,7 +16,7 @@ from motion.nc.retain import RetainDataError
 from motion.nc.tables import Table
 from testcases.campaigns.nc_axes import BENCH as NC_AXES
 from testcases.campaigns.nc_axes import axis, until
-from testcases.campaigns.support import equal
+from testcases.campaigns.support import equal, same_column
 
 Numbers = NDArray[np.float64]
 
@@ -111,16 +111,6 @@ def _travel(ctx: CaseContext, rows: dict[str, dict[str, Any]]) -> dict[str, _Row
     return {name: _Rows(ctx, name) for name in rows}
 
 
-def _same(
-    ctx: CaseContext, words: str, found: Numbers, wanted: Numbers, *ids: str, within: float = 1e-6
-) -> None:
-    """Measure the greatest difference of two columns, and that they say something."""
-    ctx.measure(f"range of {words}", float(np.ptp(found)), low=10.0 * within)
-    ctx.measure(
-        f"{words}: off its formula", float(np.abs(found - wanted).max()), high=within, requirements=ids
-    )
-
-
 def _pid(rows: _Rows) -> Numbers:
     """Return the output of the PID controller by its equations, cycle by cycle, mm/s."""
     law = _LAWS["pid"]
@@ -145,19 +135,19 @@ def laws(ctx: CaseContext) -> None:
     derivative parts with their limits.
     """
     found = _travel(ctx, _LAWS)
-    _same(ctx, "output of the P controller", found["p"].data, found["p"].plain(21.0))
+    same_column(ctx, "output of the P controller", found["p"].data, found["p"].plain(21.0))
     two, law = found["two"], _LAWS["two"]
     share = np.minimum(np.abs(two.velocity) / _FULL / law["ctrl.pos_vdyn"], 1.0)
     gain = 31.0 + (11.0 - 31.0) * share
     error = np.where(np.abs(two.error) <= law["ctrl.pos_dead_band"], 0.0, two.error)
     wanted = _WEIGHT * two.velocity + law["ctrl.ka"] * two.acceleration + gain * error
-    _same(ctx, "output with two gains", two.data, wanted)
+    same_column(ctx, "output with two gains", two.data, wanted)
     pid = found["pid"]
     enabled = int(np.flatnonzero(pid.velocity)[0])
     wanted = _pid(pid)
-    _same(ctx, "output of the PID controller", pid.data[enabled:], wanted[enabled:])
+    same_column(ctx, "output of the PID controller", pid.data[enabled:], wanted[enabled:])
     for name, rows in found.items():
-        _same(ctx, f"share of full scale of {name}", rows.output * _FULL, rows.data, within=1e-9)
+        same_column(ctx, f"share of full scale of {name}", rows.output * _FULL, rows.data, within=1e-9)
 
 
 @OF_OUTPUTS.case("outputs", requirements=("NC-283", "NC-286", "NC-516", "NC-520"))
@@ -168,26 +158,26 @@ def outputs(ctx: CaseContext) -> None:
     found = _travel(ctx, _OUTPUTS)
     plain = {name: rows.plain(5.0) for name, rows in found.items()}
     limited = np.clip(plain["limited"], -0.07 * _FULL, 0.11 * _FULL)
-    _same(ctx, "limited output", found["limited"].data, limited)
+    same_column(ctx, "limited output", found["limited"].data, limited)
     drifting = found["drifting"]
     on = int(np.flatnonzero(drifting.velocity)[0])
-    _same(ctx, "output with drift", drifting.data[on:], plain["drifting"][on:] + 1.7)
+    same_column(ctx, "output with drift", drifting.data[on:], plain["drifting"][on:] + 1.7)
     ratio = found["ratio"]
-    _same(ctx, "output with ratio", ratio.output * _FULL, 0.8 * plain["ratio"])
+    same_column(ctx, "output with ratio", ratio.output * _FULL, 0.8 * plain["ratio"])
     for name in ("filtered", "compensated"):
-        _same(ctx, f"output, {name}", found[name].data, plain[name])
+        same_column(ctx, f"output, {name}", found[name].data, plain[name])
     # A simulated axis is where its set position was a cycle before.
     filtered, compensated = found["filtered"], found["compensated"]
     raw = np.concatenate((filtered.set[:1], filtered.set[:-1]))
     speed = np.concatenate(([0.0], np.diff(raw))) / _CYCLE_S
-    _same(ctx, "filtered position", filtered.actual, _pt1(raw, 0.02), "NC-283", within=1e-3)
-    _same(ctx, "filtered velocity", filtered.speed, _pt1(speed, 0.05), "NC-283", within=0.1)
+    same_column(ctx, "filtered position", filtered.actual, _pt1(raw, 0.02), "NC-283", within=1e-3)
+    same_column(ctx, "filtered velocity", filtered.speed, _pt1(speed, 0.05), "NC-283", within=0.1)
     raw = np.concatenate((compensated.set[:1], compensated.set[:-1]))
     speed = np.concatenate(([0.0], np.diff(raw))) / _CYCLE_S
     wanted = raw + speed * (3.0 * _CYCLE_S + 0.0005)
-    _same(ctx, "compensated position", compensated.actual, wanted, "NC-286", within=5e-3)
+    same_column(ctx, "compensated position", compensated.actual, wanted, "NC-286", within=5e-3)
     delayed, wanted = found["delayed"].data, plain["delayed"]
-    _same(ctx, "delayed output", delayed[100:], _pt1(wanted, 0.006)[100:], within=0.5)
+    same_column(ctx, "delayed output", delayed[100:], _pt1(wanted, 0.006)[100:], within=0.5)
 
 
 def _pt1(values: Numbers, time_s: float) -> Numbers:

@@ -20,8 +20,8 @@ from emulators.drive.profidrive.parameters.store import ParameterStore
 from fieldbus.profidrive import TypeCode
 from fieldbus.profidrive.errors import ParameterAccessError
 from hil.campaign import Campaign, CaseContext
-from testcases.campaigns.bus_parts import raises, same
 from testcases.campaigns.device_settings import refused
+from testcases.campaigns.support import raises, same
 
 CAMPAIGN: Final = Campaign(
     "parameter access", controller="", tags=("profidrive",), bench="testcases.campaigns.can_bus:BENCH"

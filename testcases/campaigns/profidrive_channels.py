@@ -16,8 +16,7 @@ from fieldbus.clock import VirtualScheduler
 from fieldbus.profidrive.record_errors import RecordRefusedError
 from hil.campaign import Campaign, CaseContext
 from testcases.campaigns._axis_rig import PdAxis, axis_config
-from testcases.campaigns.bus_parts import raises, same
-from testcases.campaigns.support import equal
+from testcases.campaigns.support import equal, raises, same
 
 CAMPAIGN: Final = Campaign(
     "profidrive channels", controller="", tags=("telegram",), bench="testcases.campaigns.can_bus:BENCH"

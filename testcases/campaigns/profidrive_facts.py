@@ -29,8 +29,7 @@ from fieldbus.profidrive.requests import (
 from fieldbus.profidrive.sign_of_life import SignOfLife, SignState, SignWatch, next_sign
 from fieldbus.profidrive.telegrams import Layout, TelegramError
 from hil.campaign import Campaign, CaseContext
-from testcases.campaigns.bus_parts import raises, same
-from testcases.campaigns.support import equal
+from testcases.campaigns.support import equal, raises, same
 
 CAMPAIGN: Final = Campaign(
     "profidrive facts", controller="", tags=("telegram",), bench="testcases.campaigns.can_bus:BENCH"

@@ -8,18 +8,13 @@ from typing import Any, Final
 
 from hil.campaign import Campaign, CaseContext
 from testcases.campaigns._pto_rig import RUN, S1, S2, S3, S4, S5A, S5B, SEQUENCE, Rig
-from testcases.campaigns.support import equal
+from testcases.campaigns.support import equal, same
 
 CAMPAIGN: Final = Campaign(
     "pulse module", controller="", tags=("telegram",), bench="testcases.campaigns.can_bus:BENCH"
 )
 MAXIMUM: Final = 0x4000
 ACKNOWLEDGE: Final = 0x8000
-
-
-def same(ctx: CaseContext, what: str, found: object, wanted: object, *ids: str) -> None:
-    """Expect a value of any kind."""
-    equal(ctx, f"{what} is {wanted} (it is {found})", found == wanted, 1, *ids)
 
 
 def moving(share: float = 1.0, **config: Any) -> Rig:

@@ -4,12 +4,12 @@ bench.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from hil.campaign import CaseContext
 from hil.errors import BlockedError
@@ -221,26 +221,56 @@ def equal(ctx: CaseContext, what: str, value: float, wanted: float, *ids: str, w
     ctx.measure(what, float(value), low=wanted - within, high=wanted + within, requirements=ids)
 
 
-def travel_time(way: float, velocity: float, acceleration: float, deceleration: float, jerk: float) -> float:
-    """Return the time of a motion from rest to rest with jerk-limited ramps, s.
+def same(ctx: CaseContext, what: str, found: object, wanted: object, *ids: str) -> None:
+    """Expect a value of any kind."""
+    equal(ctx, f"{what} is {wanted!r} (it is {found!r})", found == wanted, 1, *ids)
 
-    Where the way is too short for the velocity, the greatest one that it allows is found by bisection.
+
+def raises(call: Callable[[], object], kind: type[Exception] = Exception) -> str:
+    """Return the message with which a call fails; empty: it does not."""
+    try:
+        call()
+    except kind as error:
+        return str(error) or type(error).__name__
+    return ""
+
+
+def column(ctx: CaseContext, name: str) -> NDArray[np.float64]:
+    """Return the values of a signal of the trace so far, by its name: `axis1.velocity_setpoint`."""
+    return np.asarray(ctx.trace()[name].values, dtype=np.float64)
+
+
+def later(values: NDArray[np.float64], cycles: int) -> NDArray[np.float64]:
+    """Return values so many cycles later, after the first one."""
+    return np.concatenate((np.full(cycles, values[0]), values[: len(values) - cycles]))
+
+
+def same_column(
+    ctx: CaseContext,
+    words: str,
+    found: ArrayLike,
+    wanted: ArrayLike,
+    *ids: str,
+    within: float = 1e-6,
+    ranges: float = 10.0,
+) -> None:
+    """Measure the greatest difference of two columns, and that they say something.
+
+    Args:
+        ctx: The case.
+        words: What the columns are.
+        found: One column.
+        wanted: What it has to be.
+        ids: Requirements that the comparison judges.
+        within: Greatest difference.
+        ranges: So many times the greatest difference the values have to range over, at least.
+
     """
-
-    def ramp_s(top: float, slope: float) -> float:
-        return top / slope + slope / jerk if top >= slope * slope / jerk else 2.0 * math.sqrt(top / jerk)
-
-    def needs(top: float) -> float:
-        return 0.5 * top * (ramp_s(top, acceleration) + ramp_s(top, deceleration))
-
-    top = velocity
-    if needs(velocity) > way:
-        low, high = 0.0, velocity
-        for _ in range(60):
-            top = 0.5 * (low + high)
-            low, high = (top, high) if needs(top) < way else (low, top)
-    rest = max(way - needs(top), 0.0)
-    return ramp_s(top, acceleration) + ramp_s(top, deceleration) + rest / top
+    found, wanted = np.asarray(found, dtype=np.float64), np.asarray(wanted, dtype=np.float64)
+    ctx.measure(f"range of {words}", float(np.ptp(found)), low=ranges * within)
+    ctx.measure(
+        f"{words}: off its formula", float(np.abs(found - wanted).max()), high=within, requirements=ids
+    )
 
 
 def speed_at(ctx: CaseContext, position: str, velocity: str, place: float) -> float:

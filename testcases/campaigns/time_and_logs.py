@@ -16,14 +16,10 @@ from fieldbus.errors import ConfigurationError
 from fieldbus.growing_log import GrowingLog, LogPart
 from fieldbus.node_clock import NodeClock
 from hil.campaign import Campaign, CaseContext
-from testcases.campaigns.support import equal
+from testcases.campaigns.support import equal, same
 
 CAMPAIGN: Final = Campaign("time and logs", controller="", bench="testcases.campaigns.can_bus:BENCH")
 MS: Final = 1_000_000
-
-
-def _same(ctx: CaseContext, what: str, found: object, wanted: object) -> None:
-    equal(ctx, f"{what} is {wanted!r} (it is {found!r})", found == wanted, 1)
 
 
 # -- events -----------------------------------------------------------------------------------------------
@@ -60,7 +56,7 @@ def events(ctx: CaseContext) -> None:
     scheduler.run_for(1000)
     # Events of one instant and priority: single ones were entered first, periodic ones with every period.
     singles = [(when, number) for when, number in fired if number < 1000]
-    _same(
+    same(
         ctx,
         "order of single events",
         singles,
@@ -68,27 +64,27 @@ def events(ctx: CaseContext) -> None:
     )
     for number in (1000, 1001):
         beats = [when for when, one in fired if one == number]
-        _same(ctx, f"beats of {number}", beats, [due for due, _, _, one in sorted(wanted) if one == number])
-    _same(ctx, "time in the end", scheduler.now, end)
+        same(ctx, f"beats of {number}", beats, [due for due, _, _, one in sorted(wanted) if one == number])
+    same(ctx, "time in the end", scheduler.now, end)
     timer = scheduler.after(10, lambda: fired.append((scheduler.now, -1)))
     scheduler.run_for(20)
     scheduler.again(timer, scheduler.now + 5)
     scheduler.run_for(20)
-    _same(ctx, "an event that is entered again", [when - end for when, one in fired if one == -1], [10, 25])
+    same(ctx, "an event that is entered again", [when - end for when, one in fired if one == -1], [10, 25])
     seen: list[int] = []
     scheduler.after(50, lambda: seen.append(scheduler.now))
     begun = scheduler.now
     met = scheduler.run_until(lambda: seen, 49)
-    _same(ctx, "a condition that comes too late", (met, scheduler.now - begun), (False, 49))
+    same(ctx, "a condition that comes too late", (met, scheduler.now - begun), (False, 49))
     met = scheduler.run_until(lambda: seen, 100)
-    _same(ctx, "a condition that comes in time", (met, scheduler.now - begun), (True, 50))
+    same(ctx, "a condition that comes in time", (met, scheduler.now - begun), (True, 50))
     for wrong in (-1, 0):
         try:
             scheduler.every(wrong, lambda: None)
             refused = False
         except Exception:  # noqa: BLE001 - any refusal
             refused = True
-        _same(ctx, f"period {wrong} is refused", refused, True)
+        same(ctx, f"period {wrong} is refused", refused, True)
 
 
 # -- clock of a node -----------------------------------------------------------------------------------------
@@ -105,7 +101,7 @@ def node_clock(ctx: CaseContext, ppm: int) -> None:
     clock = NodeClock(bench, lambda: np.random.default_rng(3))
     bench.run_for(7 * MS + 1)
     begun = bench.now
-    _same(ctx, "difference without drift", clock.now - bench.now, 0)
+    same(ctx, "difference without drift", clock.now - bench.now, 0)
     seen: dict[str, list[int]] = {}
 
     def note(name: str) -> Any:
@@ -131,7 +127,7 @@ def node_clock(ctx: CaseContext, ppm: int) -> None:
     equal(ctx, "there and back, ns", clock.at_bench(clock.local(bench.now)) - bench.now, 0, within=1)
     heard: list[int] = []
     clock.to_local_time(lambda _frame, when: heard.append(when))(None, bench.now)
-    _same(ctx, "time of a frame", heard, [clock.now])
+    same(ctx, "time of a frame", heard, [clock.now])
     clock.again(timer, clock.now + 2 * MS)
     before = bench.now - begun
     bench.run_for(5 * MS)
@@ -139,14 +135,14 @@ def node_clock(ctx: CaseContext, ppm: int) -> None:
     kept = clock.now - bench.now
     clock.drift(0)
     bench.run_for(10 * MS)
-    _same(ctx, "difference behind the drift", clock.now - bench.now, kept)
+    same(ctx, "difference behind the drift", clock.now - bench.now, kept)
     for wrong in (100_001, -100_001):
         try:
             clock.drift(wrong)
             refused = False
         except ConfigurationError:
             refused = True
-        _same(ctx, f"{wrong} ppm are refused", refused, True)
+        same(ctx, f"{wrong} ppm are refused", refused, True)
 
 
 @CAMPAIGN.case("node-clock/jitter")
@@ -158,7 +154,7 @@ def jitter(ctx: CaseContext) -> None:
     singles: list[int] = []
     clock.every(MS, lambda: beats.append(bench.now))
     bench.run_for(5 * MS)
-    _same(ctx, "beats without jitter", [when % MS for when in beats], [0] * len(beats))
+    same(ctx, "beats without jitter", [when % MS for when in beats], [0] * len(beats))
     beats.clear()
     clock.jitter(200_000)
     clock.after(MS // 2, lambda: singles.append(bench.now))
@@ -168,18 +164,18 @@ def jitter(ctx: CaseContext) -> None:
     equal(ctx, "latest, us", max(late) / 1000, 190, within=10)
     equal(ctx, "earliest, us", min(late) / 1000, 5, within=5)
     equal(ctx, "mean, us", sum(late) / len(late) / 1000, 100, within=15)
-    _same(ctx, "a single event is in time", singles, [5 * MS + MS // 2])
+    same(ctx, "a single event is in time", singles, [5 * MS + MS // 2])
     clock.jitter(0)
     bench.run_for(2 * MS)
     beats.clear()
     bench.run_for(5 * MS)
-    _same(ctx, "beats without jitter again", [when % MS for when in beats], [0] * 5)
+    same(ctx, "beats without jitter again", [when % MS for when in beats], [0] * 5)
     try:
         clock.jitter(-1)
         refused = False
     except ConfigurationError:
         refused = True
-    _same(ctx, "a negative jitter is refused", refused, True)
+    same(ctx, "a negative jitter is refused", refused, True)
 
 
 # -- logs ---------------------------------------------------------------------------------------------------

@@ -67,18 +67,26 @@ def _around(values: Numbers, at: Words) -> tuple[Numbers, Numbers]:
     )
 
 
+def sample_before(samples_s: Numbers, times_s: Numbers, within_s: float) -> tuple[Words, Flags]:
+    """Return for each time the sample at or before it, and whether that is less than so long ago; the first
+    one where there is none.
+    """
+    at = np.searchsorted(samples_s, times_s, side="right") - 1
+    near = (at >= 0) & (times_s - samples_s[np.maximum(at, 0)] < within_s)
+    return np.maximum(at, 0), near
+
+
 def _beside(drive: DriveView, sent: Series) -> tuple[Words, Flags]:
     """Return for each frame the sample of the drive just before it, and whether that is of the same cycle:
     not where an error on the bus may have made the frame wait.
     """
-    at = np.searchsorted(drive.time_s, sent.time_s, side="right") - 1
-    near = (at >= 0) & (sent.time_s - drive.time_s[np.maximum(at, 0)] < 0.6 * drive.whole.cycle_s)
+    at, near = sample_before(drive.time_s, sent.time_s, 0.6 * drive.whole.cycle_s)
     if drive.node is not None:
         waited = drive.whole.frames.behind_errors(
             drive.node[0], sent.time_s, _WAITS_CYCLES * drive.whole.cycle_s
         )
         near = near if waited is None else near & ~waited
-    return np.maximum(at, 0), near
+    return at, near
 
 
 def _position_sent(drive: DriveView) -> Judged | None:
@@ -283,9 +291,7 @@ def _speed_given(axis: AxisView) -> Judged | None:
     sent, step = found
     if axis.simulated.any():
         return None
-    at = np.searchsorted(axis.time_s, sent.time_s - 1e-9, side="right") - 1
-    near = (at >= 0) & (sent.time_s - axis.time_s[np.maximum(at, 0)] < 0.5 * axis.cycle_s)
-    at = np.maximum(at, 0)
+    at, near = sample_before(axis.time_s, sent.time_s - 1e-9, 0.5 * axis.cycle_s)
     output = axis["speed_output"]
     limit = 2.0 * (drive.number("reference_speed_rpm") or 0.0)
     wanted = np.clip(output, -limit, limit) if drive.number("cia402") is None else output

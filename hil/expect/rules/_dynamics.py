@@ -65,11 +65,7 @@ def _momentum(drive: DriveView) -> Judged | None:
     judged = (np.abs(v) > _SLOW_M_S) & smooth
     judged[1:] &= judged[:-1] & (np.sign(v[1:]) == np.sign(v[:-1]))
     judged &= np.abs(np.diff(drive.time_s, prepend=-1.0) - cycle_s) < 1e-3 * cycle_s
-    for side, sign in (("negative_stop", 1.0), ("positive_stop", -1.0)):
-        place = drive.number(side)
-        if place is not None:
-            away = sign * (drive["position"] - place) > _NEAR_STOP_M
-            judged &= last_true(away, 1)
+    judged &= _free_way(drive, 1)
     if drive.has("brake_closed"):
         judged &= ~spread((drive["brake_closed"] != 0) | (differences(drive["brake_closed"]) != 0.0), 2, 2)
     if drive.has("mode"):
@@ -93,7 +89,7 @@ MOMENTUM: Final = Rule(
     says="the load is accelerated by torque and weight less friction, over its mass, by the bench file",
     requirements=("STP-014", "STP-550"),
     tolerance="what the torque of the samples around it leaves open, 2 % and 0.05 m/s2; not with play, "
-    "at end stops, below 2 mm/s, with positions from the bus",
+    "at end stops, below 2 mm/s, with positions from the bus, with a demand that steps once in a cycle",
     judge=_momentum,
     excused_by=_DISTURBED,
     recovery_s=0.3,

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from hil.expect.golden import travel_time
 from hil.expect.rules._definition import Flags, Judged, Rule, differences, last_true
 from hil.expect.rules._ramps import Segment, in_segments
 from hil.expect.rules._views import AxisView
@@ -87,22 +88,7 @@ def _profile_s(way: float, begin: float, part: Segment, at: int) -> float | None
         return (top - begin) / up + top / down + rest / top
     if begin > 0.0:
         return None
-
-    def ramp_s(velocity: float, acceleration: float) -> float:
-        if velocity * jerk >= acceleration**2:
-            return velocity / acceleration + acceleration / jerk
-        return 2.0 * math.sqrt(velocity / jerk)
-
-    def ramps_s(velocity: float) -> float:
-        return ramp_s(velocity, up) + ramp_s(velocity, down)
-
-    low, high = 0.0, top
-    if 0.5 * top * ramps_s(top) > way:
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if 0.5 * middle * ramps_s(middle) < way else (low, middle)
-    peak = high
-    return ramps_s(peak) + (way - 0.5 * peak * ramps_s(peak)) / peak
+    return travel_time(way, top, up, down, jerk)
 
 
 def _duration(axis: AxisView) -> Judged | None:

@@ -251,7 +251,7 @@ class Dialogue:
         wrong = "" if ours else f"abort of {of.hex(' ')} in place of {self._object.hex(' ')}"
         self._begin("", bytes(1) + self._object)
         if not waits:
-            # A time-out is told only to a client that has sent nothing in the middle of a transfer.
+            # A time-out is reported only to a client that has sent nothing in the middle of a transfer.
             early = what == "block download" and code in ABORT_CODES
             return wrong if early or (what and code == TIMED_OUT) else f"abort {code:08X}h of nothing"
         if code not in ABORT_CODES:

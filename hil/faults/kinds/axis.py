@@ -65,7 +65,7 @@ def _gives_no_value(injection: Injection) -> Action:
 
 def _opens_position_control(injection: Injection) -> Action:
     """Return the action that opens position control of an axis, and closes it again: the job that has control
-    is planned anew from where the axis is then.
+    is planned again from where the axis is then.
     """
     axis = find_axis(injection)
     if not seams.offers(axis, seams.ControlsPosition):
